@@ -1,0 +1,1 @@
+"""Turn a fixed camera into a metric sensor."""

@@ -1,0 +1,124 @@
+"""Lens distortion: OpenCV's radial-tangential model and Tsai's radial model, both ways.
+
+Coefficients are in OpenCV's order ``(k1, k2, p1, p2, k3)``; undistorted pixels keep the same K.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+NO_DISTORTION: Float[np.ndarray, "5"] = np.zeros(5)
+NO_DISTORTION.setflags(write=False)
+
+_ITERATIONS = 30
+_TOLERANCE = 1e-12
+
+
+def _normalise(uv: np.ndarray, K: np.ndarray) -> np.ndarray:
+    y = (uv[:, 1] - K[1, 2]) / K[1, 1]
+    x = (uv[:, 0] - K[0, 2] - K[0, 1] * y) / K[0, 0]
+    return np.column_stack([x, y])
+
+
+def _pixels(xy: np.ndarray, K: np.ndarray) -> np.ndarray:
+    return xy @ K[:2, :2].T + K[:2, 2]
+
+
+def _distort_normalised(xy: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distorted points and the (n, 2, 2) Jacobian of the map, OpenCV's equations."""
+    k1, k2, p1, p2, k3 = d
+    x, y = xy[:, 0], xy[:, 1]
+    r2 = x * x + y * y
+    radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    slope = k1 + r2 * (2 * k2 + 3 * k3 * r2)  # d radial / d r2
+    out = np.column_stack(
+        [
+            x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x),
+            y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y,
+        ]
+    )
+    jacobian = np.empty((len(xy), 2, 2))
+    jacobian[:, 0, 0] = radial + 2 * x * x * slope + 2 * p1 * y + 6 * p2 * x
+    jacobian[:, 1, 1] = radial + 2 * y * y * slope + 6 * p1 * y + 2 * p2 * x
+    jacobian[:, 0, 1] = jacobian[:, 1, 0] = 2 * x * y * slope + 2 * p1 * x + 2 * p2 * y
+    return out, jacobian
+
+
+def distort(
+    uv: Float[np.ndarray, "n 2"], K: Float[np.ndarray, "3 3"], distortion: Float[np.ndarray, "5"]
+) -> Float[np.ndarray, "n 2"]:
+    """Undistorted pixels to the pixels that the lens makes of them."""
+    if not np.any(distortion):
+        return uv.copy()
+    return _pixels(_distort_normalised(_normalise(uv, K), distortion)[0], K)
+
+
+def undistort(
+    uv: Float[np.ndarray, "n 2"], K: Float[np.ndarray, "3 3"], distortion: Float[np.ndarray, "5"]
+) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+    """Pixels of the real lens to undistorted pixels, by Newton's method.
+
+    A pixel outside the range that the lens model can reach (beyond the fold of a strong barrel)
+    has no undistorted position: it is invalid.
+    """
+    if not np.any(distortion):
+        return uv.copy(), np.isfinite(uv).all(axis=1)
+    target = _normalise(uv, K)
+    xy = target.copy()
+    with np.errstate(all="ignore"):
+        for _ in range(_ITERATIONS):
+            value, j = _distort_normalised(xy, distortion)
+            gap = value - target
+            det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
+            step_x = (j[:, 1, 1] * gap[:, 0] - j[:, 0, 1] * gap[:, 1]) / det
+            step_y = (j[:, 0, 0] * gap[:, 1] - j[:, 1, 0] * gap[:, 0]) / det
+            # Half the radius at most: a longer step jumps across the fold of the model.
+            length = np.hypot(step_x, step_y)
+            limit = np.minimum(1.0, (0.5 * np.hypot(xy[:, 0], xy[:, 1]) + 1e-3) / length)
+            limit = np.where(length > 0, limit, 0.0)
+            xy = xy - np.column_stack([step_x * limit, step_y * limit])
+            if not np.any(length > _TOLERANCE):
+                break
+        value, j = _distort_normalised(xy, distortion)
+        # Inside the fold the map keeps its orientation: positive determinant and trace.
+        det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
+        valid = (
+            (np.abs(value - target).max(axis=1) < 1e-9) & (det > 0) & (j[:, 0, 0] + j[:, 1, 1] > 0)
+        )
+    out = _pixels(xy, K)
+    out[~valid] = np.nan
+    return out, valid
+
+
+def undistort_tsai(
+    uv: Float[np.ndarray, "n 2"],
+    *,
+    centre_uv: Float[np.ndarray, "2"],
+    pixel_mm: Float[np.ndarray, "2"],
+    kappa1_per_mm2: float,
+) -> Float[np.ndarray, "n 2"]:
+    """Tsai (1987): ``Xu = Xd (1 + κ₁ r_d²)`` on the sensor in millimetres, back in pixels.
+
+    ``pixel_mm`` is the size of a pixel on the sensor, ``(dpx / sx, dpy)`` in Tsai's terms.
+    Unlike OpenCV's model this one is explicit in the undistorting direction.
+    """
+    sensor = (uv - centre_uv) * pixel_mm
+    r2 = np.sum(sensor**2, axis=1, keepdims=True)
+    return sensor * (1 + kappa1_per_mm2 * r2) / pixel_mm + centre_uv
+
+
+def opencv_from_tsai(
+    kappa1_per_mm2: float, focal_mm: float, radius_mm: float
+) -> Float[np.ndarray, "5"]:
+    """OpenCV coefficients that undo Tsai's radial model, out to ``radius_mm`` on the sensor.
+
+    The two models run in opposite directions, so this is a least-squares fit of k1, k2, k3 over
+    the undistorted radius; for PETS View_001 it is exact to 1e-4 px over the image.
+    """
+    r_d = np.linspace(0.0, radius_mm, 400)[1:]
+    r_u = r_d * (1 + kappa1_per_mm2 * r_d**2)
+    x = r_u / focal_mm
+    design = np.column_stack([x**3, x**5, x**7])
+    scale = np.abs(design).max(axis=0)
+    k, *_ = np.linalg.lstsq(design / scale, r_d / focal_mm - x, rcond=None)
+    k1, k2, k3 = k / scale
+    return np.array([k1, k2, 0.0, 0.0, k3])

@@ -1,0 +1,91 @@
+"""Pinhole projection, ground points, horizon and vertical vanishing point.
+
+All pixels here are undistorted; see :mod:`scene4d.geometry.distortion` for the lens.
+Functions that can fail for a point return ``(values, valid)`` with NaN where invalid.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+MIN_DEPTH_M = 1e-9
+"""Points nearer to the camera's principal plane than this have no image."""
+
+
+def projection_matrix(
+    K: Float[np.ndarray, "3 3"], R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]
+) -> Float[np.ndarray, "3 4"]:
+    """``P = K [R | t]``, world metres to undistorted pixels."""
+    return K @ np.column_stack([R, t])
+
+
+def project(
+    P: Float[np.ndarray, "3 4"], xyz_m: Float[np.ndarray, "n 3"]
+) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+    """Pixels of world points; points on or behind the principal plane are invalid.
+
+    ``P`` must be ``K [R | t]`` with ``K[2] = (0, 0, 1)``, so that the third homogeneous
+    coordinate is the depth in metres.
+    """
+    homogeneous = xyz_m @ P[:, :3].T + P[:, 3]
+    depth = homogeneous[:, 2]
+    valid = depth > MIN_DEPTH_M
+    uv = np.full((len(xyz_m), 2), np.nan)
+    np.divide(homogeneous[:, :2], depth[:, None], out=uv, where=valid[:, None])
+    return uv, valid
+
+
+def locate(
+    P: Float[np.ndarray, "3 4"],
+    uv: Float[np.ndarray, "n 2"],
+    height_m: float | Float[np.ndarray, "n"] = 0.0,
+) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+    """World (X, Y) in metres where the pixels' rays meet the plane ``Z = height_m``.
+
+    Rays that never meet it in front of the camera (at or above the horizon when the plane lies
+    below the camera) are invalid. Cross-multiplying ``uv ~ P (X, Y, Z, 1)`` gives the 2x2
+    system of Wagner et al. (2019), solved here by Cramer's rule.
+    """
+    u, v = uv[:, 0], uv[:, 1]
+    offset = P[:, 2][:, None] * np.broadcast_to(np.asarray(height_m, float), u.shape)
+    offset = offset + P[:, 3][:, None]
+    a, b = P[0, 0] - u * P[2, 0], P[0, 1] - u * P[2, 1]
+    c, d = P[1, 0] - v * P[2, 0], P[1, 1] - v * P[2, 1]
+    e, f = u * offset[2] - offset[0], v * offset[2] - offset[1]
+    det = a * d - b * c
+    scale = np.abs(a * d) + np.abs(b * c)
+    solvable = np.isfinite(det) & (np.abs(det) > 1e-12 * scale)
+    xy = np.full((len(uv), 2), np.nan)
+    np.divide(e * d - b * f, det, out=xy[:, 0], where=solvable)
+    np.divide(a * f - e * c, det, out=xy[:, 1], where=solvable)
+    depth = xy @ P[2, :2] + offset[2]
+    valid = solvable & (depth > MIN_DEPTH_M)
+    xy[~valid] = np.nan
+    return xy, valid
+
+
+def camera_centre(R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    """Camera centre in the world, ``C = -Rᵀ t``."""
+    return -R.T @ t
+
+
+def horizon_line(
+    K: Float[np.ndarray, "3 3"], R: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "3"]:
+    """Image line ``(a, b, c)`` of the horizon, ``a u + b v + c = 0``, with ``a² + b² = 1``.
+
+    It is the polar of the up direction, ``K⁻ᵀ R ẑ``; the sign makes it negative on the ground's
+    side (below the horizon). A camera that looks straight down has none: the values are NaN.
+    """
+    line = np.linalg.solve(K.T, R[:, 2])
+    norm = np.hypot(line[0], line[1])
+    return line / norm if norm > 1e-15 else np.full(3, np.nan)
+
+
+def vertical_vanishing_point(
+    K: Float[np.ndarray, "3 3"], R: Float[np.ndarray, "3 3"]
+) -> Float[np.ndarray, "3"]:
+    """Homogeneous image point where vertical lines meet (the nadir): ``K R (0, 0, -1)``.
+
+    Third coordinate zero: the verticals are parallel in the image (tilt 0).
+    """
+    return -K @ R[:, 2]

@@ -1,0 +1,21 @@
+"""Immutable values that the stages exchange."""
+
+from scene4d.model.calibration import PARAMETERS, Calibration
+from scene4d.model.camera import SCHEMA, Camera, Lens, write_bytes, write_json
+from scene4d.model.orientation import Orientation
+from scene4d.model.people import COCO17, HALPE26, Detections, Segments
+
+__all__ = [
+    "COCO17",
+    "HALPE26",
+    "PARAMETERS",
+    "SCHEMA",
+    "Calibration",
+    "Camera",
+    "Detections",
+    "Lens",
+    "Orientation",
+    "Segments",
+    "write_bytes",
+    "write_json",
+]

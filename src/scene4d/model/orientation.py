@@ -1,0 +1,74 @@
+"""What is known of a camera's orientation beforehand, as a Gaussian."""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+
+from scene4d.errors import InputError
+
+_FIELDS = ("focal_px", "tilt_deg", "roll_deg")
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """Focal length (pixels), tilt and roll (radians), each with a standard deviation.
+
+    A standard deviation of 0 means exactly known, infinity means unknown.
+    """
+
+    focal_px: float
+    tilt_rad: float
+    roll_rad: float
+    focal_sigma_px: float = 0.0
+    tilt_sigma_rad: float = 0.0
+    roll_sigma_rad: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.focal_px) and self.focal_px > 0):
+            raise InputError(f"orientation: focal_px must be positive, found {self.focal_px}")
+        for name in ("tilt_rad", "roll_rad"):
+            if not abs(getattr(self, name)) <= np.pi:
+                raise InputError(f"orientation: {name} must lie within ±π")
+        for name in ("focal_sigma_px", "tilt_sigma_rad", "roll_sigma_rad"):
+            if not getattr(self, name) >= 0:
+                raise InputError(f"orientation: {name} must be 0 or more")
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read ``{"focal_px", "tilt_deg", "roll_deg", "sigma": {...}}``; sigma is optional.
+
+        Raises :class:`InputError` naming the file and the field; unknown fields are let pass
+        only where ``scene4d orientation --json`` writes them.
+        """
+        path = Path(path)
+        try:
+            values = json.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+        except ValueError as error:
+            raise InputError(f"{path}: is not JSON: {error}") from error
+        if not isinstance(values, dict):
+            raise InputError(f"{path}: expected an object with {', '.join(_FIELDS)}")
+        sigma = values.get("sigma") or {}
+        unknown = set(values) - {*_FIELDS, "sigma", "vfov_deg", "frames"}
+        if not isinstance(sigma, dict):
+            raise InputError(f"{path}: field 'sigma' must be an object")
+        unknown |= set(sigma) - {*_FIELDS, "vfov_deg"}
+        if unknown:
+            raise InputError(f"{path}: unknown field {sorted(unknown)[0]!r}; known: {_FIELDS}")
+        try:
+            numbers = [float(values[name]) for name in _FIELDS]
+            spread = [float(sigma.get(name, 0.0)) for name in _FIELDS]
+        except KeyError as error:
+            raise InputError(f"{path}: field {error} is missing") from error
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{path}: {error}") from error
+        scale = np.array([1.0, np.pi / 180, np.pi / 180])
+        try:
+            return cls(*(numbers * scale), *(spread * scale))
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
