@@ -5,7 +5,7 @@ import os
 import tempfile
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -46,7 +46,7 @@ class Lens:
         if min(self.image_size) < 1:
             raise InputError(f"image_size must be positive, found {self.image_size}")
 
-    def scaled_to(self, image_size: tuple[int, int]) -> Self:
+    def scaled_to(self, image_size: tuple[int, int]) -> "Lens":
         """The same lens for frames of another size; raises where the aspect differs by over 1 %.
 
         Pixel centres lie at integers, so a coordinate scales as ``(u + 0.5) s - 0.5``.
@@ -102,7 +102,7 @@ class Camera(Lens):
         height_m: float,
         distortion: Any = (0.0, 0.0, 0.0, 0.0, 0.0),
         centre_uv: tuple[float, float] | None = None,
-    ) -> Self:
+    ) -> "Camera":
         """The camera of scene4d's world: above the origin, heading along +Y, ground at Z = 0."""
         cu, cv = centre_uv or ((image_size[0] - 1) / 2, (image_size[1] - 1) / 2)
         R = geometry.rotation_from_tilt_roll(tilt_rad, roll_rad)
@@ -178,7 +178,7 @@ class Camera(Lens):
         }
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Self:
+    def load(cls, path: str | os.PathLike[str]) -> "Camera":
         """Read a ``camera.json``. Raises :class:`InputError` naming the file and the field."""
         path = Path(path)
         try:
@@ -195,11 +195,11 @@ class Camera(Lens):
             width, height = (int(x) for x in values["image_size"])
             return cls(
                 image_size=(width, height),
-                **{name: values[name] for name in ("K", "distortion", "R", "t")},
+                **{name: np.array(values[name], float) for name in ("K", "distortion", "R", "t")},
             )
         except KeyError as error:
             raise InputError(f"{path}: field {error} is missing") from error
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise InputError(f"{path}: {error}") from error
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -4,7 +4,6 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -38,7 +37,7 @@ class Orientation:
                 raise InputError(f"orientation: {name} must be 0 or more")
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Self:
+    def load(cls, path: str | os.PathLike[str]) -> "Orientation":
         """Read ``{"focal_px", "tilt_deg", "roll_deg", "sigma": {...}}``; sigma is optional.
 
         Raises :class:`InputError` naming the file and the field; unknown fields are let pass

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -64,7 +63,7 @@ class Detections:
         keypoint_uv: np.ndarray | None = None,
         keypoint_score: np.ndarray | None = None,
         keypoint_names: tuple[str, ...] = (),
-    ) -> Self:
+    ) -> "Detections":
         """Detections with the usual defaults: unknown times and tracks, persons, score 1."""
         n = len(frame)
         return cls(
@@ -87,7 +86,7 @@ class Detections:
     def __len__(self) -> int:
         return len(self.frame)
 
-    def select(self, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> Self:
+    def select(self, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> "Detections":
         """The given rows, as a mask or as indices."""
         return replace(self, **{
             f.name: getattr(self, f.name)[rows]
@@ -96,7 +95,7 @@ class Detections:
         })  # fmt: skip
 
     @classmethod
-    def concatenate(cls, parts: Sequence[Self]) -> Self:
+    def concatenate(cls, parts: Sequence["Detections"]) -> "Detections":
         """One table of several of the same image size and skeleton; raises on an empty list."""
         if not parts:
             raise InputError("detections: nothing to concatenate")
@@ -135,7 +134,7 @@ class Segments:
         *,
         track: np.ndarray | None = None,
         from_box: bool = False,
-    ) -> Self:
+    ) -> "Segments":
         """Segments of bare points, with everything else unknown."""
         n = len(foot_uv)
         foot, head = np.asarray(foot_uv, float), np.asarray(head_uv, float)
@@ -153,6 +152,6 @@ class Segments:
     def __len__(self) -> int:
         return len(self.frame)
 
-    def select(self, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> Self:
+    def select(self, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> "Segments":
         """The given rows, as a mask or as indices."""
         return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)})

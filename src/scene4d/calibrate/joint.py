@@ -1,0 +1,91 @@
+"""The joint method: from segments (and lines) to the most probable camera, with its search."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from scene4d.calibrate.initial import starting_points
+from scene4d.calibrate.lines import best_azimuths
+from scene4d.calibrate.refine import Noise, Problem, State, linearise, minimise, updated_noise
+
+SEARCH_PEOPLE = 300
+"""So many people are enough to choose among starting points; all of them refine the winner."""
+STARTS = 3
+NOISE_ROUNDS = 4
+NEW_POSITION = 0.25
+"""A track counts anew when its feet have moved by this fraction of the person's length."""
+
+
+def position_weights(
+    foot: Float[np.ndarray, "2 n"],
+    length: Float[np.ndarray, "n"],
+    track: Int[np.ndarray, "n"],
+) -> Float[np.ndarray, "n"]:
+    """Weight of each sighting, so that a track counts as often as it is seen in a new place.
+
+    The error of a person who stands still repeats itself from frame to frame; a thousand frames
+    of it are one observation (METHOD section 2, lesson 4).
+    """
+    order = np.argsort(track, kind="stable")
+    weights = np.ones(len(track))
+    starts = np.flatnonzero(np.diff(track[order], prepend=-1))
+    for rows in np.split(order, starts[1:]):
+        if len(rows) > 1:
+            weights[rows] = _places(foot[:, rows], length[rows]) / len(rows)
+    return weights
+
+
+def _places(foot: np.ndarray, length: np.ndarray) -> int:
+    """How often a walk (2, n) gets a new position away from the last counted one."""
+    reach2 = (NEW_POSITION * length) ** 2
+    places, last = 1, 0
+    while True:
+        gap = foot[:, last + 1 :] - foot[:, last, None]
+        moved = (gap * gap).sum(axis=0) > reach2[last + 1 :]
+        if not moved.any():
+            return places
+        last += 1 + int(moved.argmax())
+        places += 1
+
+
+def solve(problem: Problem, *, seed: int = 0) -> State | None:
+    """The best camera found, or None where no starting point is possible at all."""
+    small = _thinned(problem, seed)
+    people_only = replace(small, lines=None)
+    starts = starting_points(
+        small.points, small.weight, small.person_height_m, small.prior, keep=STARTS
+    )
+    if len(starts) == 0:
+        return None
+    candidates = []
+    for parameters in starts:
+        state = State(parameters, np.zeros(small.n_tracks), Noise())
+        state = minimise(people_only, state, steps=12, tolerance=1e-4)
+        candidates.append((linearise(people_only, state).cost, len(candidates), state))
+    state = min(candidates)[2]
+    if problem.lines is not None:
+        state = _with_azimuth(small, state)
+    state = replace(state, delta_m=np.zeros(problem.n_tracks))
+    for _ in range(NOISE_ROUNDS):
+        state = minimise(problem, state, steps=6, tolerance=1e-4)
+        state = replace(state, noise=updated_noise(problem, state))
+    return minimise(problem, state, steps=12, tolerance=1e-9)
+
+
+def _with_azimuth(problem: Problem, state: State) -> State:
+    """Refine with the lines from the best few azimuths; the lowest cost wins."""
+    assert problem.lines is not None
+    candidates = []
+    for azimuth in best_azimuths(state.parameters, problem.lines):
+        trial = minimise(problem, replace(state, azimuth=azimuth), steps=15, tolerance=1e-4)
+        candidates.append((linearise(problem, trial).cost, len(candidates), trial))
+    return min(candidates)[2] if candidates else state
+
+
+def _thinned(problem: Problem, seed: int) -> Problem:
+    n = len(problem.track)
+    if n <= SEARCH_PEOPLE:
+        return problem
+    rng = np.random.default_rng(seed)
+    return problem.select(np.sort(rng.choice(n, SEARCH_PEOPLE, replace=False)))

@@ -1,0 +1,69 @@
+"""What is believed before any person is seen: a Gaussian over the five parameters.
+
+Order (log f, tilt, roll, log h, D) with f in half diagonals of the image and D the displacement of
+the image's corner by the lens; see :mod:`scene4d.calibrate.body`.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from scene4d.calibrate.body import CORNER, FOCAL, N_PARAMETERS, ROLL, TILT
+from scene4d.model import Orientation
+
+# Weak on purpose: two standard deviations reach diagonal fields of view of 15 to 140 degrees,
+# cameras that look 15 degrees up or 65 down, and heights of 1 to 25 m.
+_MEAN = np.array([np.log(1.8), np.radians(25.0), 0.0, np.log(5.0), 0.0])
+_SIGMA = np.array([0.75, np.radians(20.0), np.radians(6.0), 0.8, 0.0])
+CORNER_SIGMA = 0.04
+"""Spread of D over lenses of surveillance cameras that nobody has calibrated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Mean and standard deviation of the five parameters; sigma 0 holds a parameter fixed."""
+
+    mean: Float[np.ndarray, "5"]
+    sigma: Float[np.ndarray, "5"]
+
+    @property
+    def free(self) -> Bool[np.ndarray, "5"]:
+        """Which parameters are estimated."""
+        return self.sigma > 0
+
+    @property
+    def precision(self) -> Float[np.ndarray, "5"]:
+        """``1 / sigma²``, zero where a parameter is unknown or fixed."""
+        with np.errstate(divide="ignore"):
+            return np.where(self.free, 1 / self.sigma**2, 0.0)
+
+    def with_orientation(self, orientation: Orientation, half_diagonal_px: float) -> "Prior":
+        """Replace the beliefs about f, tilt and roll; infinite spreads leave them as they are."""
+        mean, sigma = self.mean.copy(), self.sigma.copy()
+        told = {
+            FOCAL: (
+                np.log(orientation.focal_px / half_diagonal_px),
+                orientation.focal_sigma_px / orientation.focal_px,
+            ),
+            TILT: (orientation.tilt_rad, orientation.tilt_sigma_rad),
+            ROLL: (orientation.roll_rad, orientation.roll_sigma_rad),
+        }
+        for index, (value, spread) in told.items():
+            if np.isfinite(spread):
+                mean[index], sigma[index] = value, spread
+        return replace(self, mean=mean, sigma=sigma)
+
+    def with_focal(self, focal_px: float, half_diagonal_px: float) -> "Prior":
+        """Hold the focal length fixed."""
+        mean, sigma = self.mean.copy(), self.sigma.copy()
+        mean[FOCAL], sigma[FOCAL] = np.log(focal_px / half_diagonal_px), 0.0
+        return replace(self, mean=mean, sigma=sigma)
+
+
+def default_prior(*, estimate_distortion: bool = False) -> Prior:
+    """The weak prior of an unknown surveillance camera; without distortion unless asked for."""
+    sigma = _SIGMA.copy()
+    sigma[CORNER] = CORNER_SIGMA if estimate_distortion else 0.0
+    assert len(sigma) == N_PARAMETERS
+    return Prior(_MEAN.copy(), sigma)

@@ -1,0 +1,87 @@
+"""All annotation formats. A new one is a file beside this one and a line in :data:`FORMATS`."""
+
+import os
+import warnings
+from collections.abc import Collection
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from scene4d.errors import InputError
+from scene4d.formats.annotations import coco, kpf, mot, pets, towncentre
+from scene4d.formats.annotations.boxes import first_fault
+from scene4d.formats.annotations.contract import AnnotationFormat
+from scene4d.formats.text import head_text, prefixed
+from scene4d.model import Detections
+
+# The first whose sniff agrees reads the file, so the specific stand before the general.
+FORMATS: tuple[AnnotationFormat, ...] = (
+    coco.FORMAT,
+    pets.FORMAT,
+    kpf.FORMAT,
+    towncentre.CSV,
+    towncentre.TOP,
+    mot.FORMAT,
+)
+
+
+def annotation_formats() -> tuple[AnnotationFormat, ...]:
+    """Every format, in the order in which a file is tried."""
+    return FORMATS
+
+
+def _choose(path: Path, name: str | None) -> AnnotationFormat:
+    known = ", ".join(f.name for f in FORMATS)
+    if name is not None:
+        for candidate in FORMATS:
+            if candidate.name == name:
+                return candidate
+        raise InputError(f"annotation format {name!r} is unknown; known: {known}")
+    head = head_text(path)
+    if path.is_dir():
+        raise InputError("is a folder; expected an annotation file")
+    if not head.strip():
+        raise InputError("the file is empty")
+    for candidate in FORMATS:
+        if candidate.sniff(path, head):
+            return candidate
+    raise InputError(f"no annotation format recognises this file; name the format, one of {known}")
+
+
+def read_annotations(
+    path: str | os.PathLike[str],
+    *,
+    image_size: tuple[int, int],
+    fps: float | None = None,
+    format: str | None = None,  # noqa: A002 - the word that people look for
+    classes: Collection[str] | None = None,
+    drop_invalid: bool = False,
+) -> Detections:
+    """Boxes (and keypoints) of an annotation file of any known format.
+
+    ``image_size`` (width, height) is that of the footage. Frames count from 0, whatever the file
+    does; ``time_s`` is ``frame / fps``, or NaN where ``fps`` is not given; ``classes`` keeps only
+    these class names. Raises :class:`InputError` naming the file and the line (the entry, in
+    JSON) of what cannot be parsed, and of boxes that are not finite, empty, swapped or wholly
+    outside the image; with ``drop_invalid`` such boxes are left out with a warning that says how
+    many. Boxes that the border cuts are kept.
+    """
+    path = Path(path)
+    if fps is not None and not (np.isfinite(fps) and fps > 0):
+        raise InputError(f"fps must be positive, found {fps}")
+    try:
+        rows = _choose(path, format).read(path, image_size)
+        good, fault = first_fault(rows)
+        if fault is not None and not drop_invalid:
+            raise InputError(fault)
+    except InputError as error:
+        raise prefixed(error, path) from error
+    found = rows.detections
+    if fault is not None:
+        count = f"{len(good) - int(good.sum())} of {len(good)}"
+        warnings.warn(f"{path}: left out {count} boxes; the first: {fault}", stacklevel=2)
+        found = found.select(good)
+    if fps is not None:
+        found = replace(found, time_s=found.frame / fps)
+    return found if classes is None else found.select(np.isin(found.class_name, list(classes)))

@@ -1,0 +1,87 @@
+"""The Oxford TownCentre data set: ``TownCentreGTHalfRes.csv`` and ``TownCentre-groundtruth.top``.
+
+The bodies of the CSV are **circular**: they were made from the calibration and the head's
+position, each 1.90 m tall, so they prove nothing about heights; their feet are good ground
+positions.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from scene4d.errors import InputError
+from scene4d.formats.annotations.boxes import Rows, numeric_table, whole
+from scene4d.formats.annotations.contract import AnnotationFormat
+from scene4d.formats.text import read_text
+from scene4d.model import Detections
+
+FULL, HALF = (1920, 1080), (960, 540)
+_ASPECT_TOLERANCE = 0.01
+_BODY_VALID, _BODY = 3, slice(8, 12)
+
+
+def _scaled(box: np.ndarray, made_for: tuple[int, int], image_size: tuple[int, int]) -> np.ndarray:
+    scale = np.array(image_size) / np.array(made_for)
+    if abs(scale[0] / scale[1] - 1) > _ASPECT_TOLERANCE:
+        raise InputError(
+            f"the boxes are of {FULL[0]}x{FULL[1]} footage and cannot serve "
+            f"{image_size[0]}x{image_size[1]}: the aspect ratio differs"
+        )
+    s = np.tile(scale, 2)
+    return (box + 0.5) * s - 0.5
+
+
+def _sniff_csv(path: Path, head: str) -> bool:
+    return path.suffix.lower() == ".csv" and "halfres" in path.name.lower()
+
+
+def _read_csv(path: Path, image_size: tuple[int, int]) -> Rows:
+    """Columns: frame, person, left, top, width, height in pixels of 960x540, frames from 0."""
+    table, lines = numeric_table(read_text(path), 6)
+    where = [f"line {n}" for n in lines]
+    box = np.hstack([table[:, 2:4], table[:, 2:4] + table[:, 4:6]])
+    found = Detections.from_boxes(
+        image_size,
+        whole(table[:, 0], "the frame number", where.__getitem__),
+        _scaled(box, HALF, image_size),
+        track=whole(table[:, 1], "the person number", where.__getitem__),
+    )
+    return Rows(found, where.__getitem__)
+
+
+def _sniff_top(path: Path, head: str) -> bool:
+    return path.suffix.lower() == ".top"
+
+
+def _read_top(path: Path, image_size: tuple[int, int]) -> Rows:
+    """Twelve columns: person, frame (from 0), headValid, bodyValid, head box, body box.
+
+    Boxes are left, top, right, bottom in pixels of 1920x1080. Rows without a valid body are left
+    out.
+    """
+    table, lines = numeric_table(read_text(path), 12)
+    valid = table[:, _BODY_VALID] != 0
+    table, where = table[valid], [f"line {n}" for n in lines[valid]]
+    found = Detections.from_boxes(
+        image_size,
+        whole(table[:, 1], "the frame number", where.__getitem__),
+        _scaled(table[:, _BODY], FULL, image_size),
+        track=whole(table[:, 0], "the person number", where.__getitem__),
+    )
+    return Rows(found, where.__getitem__)
+
+
+CSV = AnnotationFormat(
+    name="towncentre-csv",
+    description="TownCentreGTHalfRes.csv (half resolution)",
+    patterns=("*HalfRes*.csv",),
+    sniff=_sniff_csv,
+    read=_read_csv,
+)
+TOP = AnnotationFormat(
+    name="towncentre-top",
+    description="TownCentre-groundtruth.top",
+    patterns=("*.top",),
+    sniff=_sniff_top,
+    read=_read_top,
+)

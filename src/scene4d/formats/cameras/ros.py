@@ -1,0 +1,65 @@
+"""ROS ``camera_info`` YAML (``camera_calibration_parsers``): intrinsics only.
+
+``plumb_bob`` distortion is OpenCV's (k1, k2, p1, p2, k3). ``projection_matrix`` is ``[K | 0]``:
+it maps the rectified camera's own frame, not the world. The pose is not part of this format.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from scene4d.errors import InputError
+from scene4d.formats.cameras import fields
+from scene4d.formats.cameras.contract import CameraFormat, ImageSize
+from scene4d.formats.cameras.pinhole import five_coefficients, size_for
+from scene4d.formats.text import decimal, read_text
+from scene4d.model import Camera, Lens
+
+_MODELS = ("plumb_bob", "rational_polynomial")
+
+
+def _sniff(path: Path, head: str) -> bool:
+    return "distortion_model:" in head
+
+
+def _read(path: Path, image_size: ImageSize | None) -> Lens:
+    values = fields.load_yaml(read_text(path))
+    model = values.get("distortion_model")
+    if model not in _MODELS:
+        raise InputError(
+            f"field 'distortion_model': {model!r} is not supported, only {' and '.join(_MODELS)}; "
+            "calibrate the lens with plumb_bob, or undistort the footage first"
+        )
+    # The second and third names are those of the message itself, as ROS 1 and 2 print it.
+    K = fields.intrinsic_matrix(*fields.require(values, "camera_matrix", "K", "k"))
+    found = fields.find(values, "distortion_coefficients", "D", "d")
+    distortion = five_coefficients(fields.numbers(*found)) if found else np.zeros(5)
+    return Lens(fields.image_size(values) or size_for(K, image_size), K, distortion)
+
+
+def _matrix(name: str, values: np.ndarray) -> str:
+    data = ", ".join(map(decimal, values.ravel()))
+    return f"{name}:\n  rows: {values.shape[0]}\n  cols: {values.shape[1]}\n  data: [{data}]\n"
+
+
+def _write(camera: Camera) -> str:
+    return (
+        "# Intrinsics only: this format has no place for the camera's pose in the world.\n"
+        f"image_width: {camera.image_size[0]}\nimage_height: {camera.image_size[1]}\n"
+        "camera_name: camera\n"
+        + _matrix("camera_matrix", camera.K)
+        + "distortion_model: plumb_bob\n"
+        + _matrix("distortion_coefficients", camera.distortion[None])
+        + _matrix("rectification_matrix", np.eye(3))
+        + _matrix("projection_matrix", np.column_stack([camera.K, np.zeros(3)]))
+    )
+
+
+FORMAT = CameraFormat(
+    name="ros",
+    description="ROS camera_info YAML (intrinsics only)",
+    patterns=("*.yaml", "*.yml"),
+    sniff=_sniff,
+    read=_read,
+    write=_write,
+)

@@ -1,0 +1,65 @@
+"""``.ci`` camera file of the Oxford TownCentre data set; read only.
+
+Lines ``Name = value``: ``x_cam = R(q) X + t`` with q = (x, y, z, w), metres, Z up; OpenCV's
+distortion K1 K2 P1 P2; pixel centres at integers (the centre of 1920 pixels is 959.5).
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from scene4d import geometry
+from scene4d.errors import InputError
+from scene4d.formats.cameras.contract import CameraFormat, ImageSize
+from scene4d.formats.cameras.pinhole import five_coefficients, size_for
+from scene4d.formats.text import floats, read_text
+from scene4d.model import Camera
+
+_K = ("FocalLengthX", "Skew", "PrincipalPointX", "FocalLengthY", "PrincipalPointY")
+_QUATERNION = ("RotationX", "RotationY", "RotationZ", "RotationW")
+_TRANSLATION = ("TranslationX", "TranslationY", "TranslationZ")
+_DISTORTION = ("DistortionK1", "DistortionK2", "DistortionP1", "DistortionP2")
+
+
+def _sniff(path: Path, head: str) -> bool:
+    return "FocalLengthX" in head and "RotationW" in head
+
+
+def _values(text: str) -> dict[str, float]:
+    values = {}
+    for number, line in enumerate(text.splitlines(), start=1):
+        if not line.strip():
+            continue
+        name, equals, value = line.partition("=")
+        if not equals:
+            raise InputError(f"line {number}: expected `Name = value`, found {line.strip()!r}")
+        values[name.strip()] = float(floats([value.strip()], f"line {number}")[0])
+    return values
+
+
+def _read(path: Path, image_size: ImageSize | None) -> Camera:
+    values = _values(read_text(path))
+    missing = [n for n in (*_K, *_QUATERNION, *_TRANSLATION, *_DISTORTION) if n not in values]
+    if missing:
+        raise InputError(f"field {missing[0]!r} is missing")
+    fx, skew, cx, fy, cy = (values[name] for name in _K)
+    K = np.array([[fx, skew, cx], [0, fy, cy], [0, 0, 1.0]])
+    quaternion = np.array([values[name] for name in _QUATERNION])
+    if not quaternion.any():
+        raise InputError("the rotation's quaternion is zero")
+    return Camera(
+        image_size=size_for(K, image_size),
+        K=K,
+        distortion=five_coefficients(np.array([values[name] for name in _DISTORTION])),
+        R=geometry.rotation_from_quaternion(quaternion),
+        t=np.array([values[name] for name in _TRANSLATION]),
+    )
+
+
+FORMAT = CameraFormat(
+    name="towncentre",
+    description="TownCentre .ci (read only)",
+    patterns=("*.ci",),
+    sniff=_sniff,
+    read=_read,
+)

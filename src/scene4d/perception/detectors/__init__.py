@@ -1,0 +1,48 @@
+"""Detectors by name: the built-in one and those that other packages register.
+
+A package registers a detector as an entry point of the group ``scene4d.detectors``; the entry is
+called without arguments and returns a :class:`~scene4d.perception.detectors.base.Detector`.
+"""
+
+from importlib.metadata import EntryPoint, entry_points
+from typing import TYPE_CHECKING
+
+from scene4d.errors import InputError, UnavailableError
+
+if TYPE_CHECKING:
+    from scene4d.perception.detectors.base import Detector
+
+GROUP = "scene4d.detectors"
+_BUILT_IN = (EntryPoint("yolox", "scene4d.perception.detectors.yolox:YoloxDetector", GROUP),)
+
+
+def _registered() -> dict[str, EntryPoint]:
+    # The built-in names come last: another package cannot take them over silently.
+    return {entry.name: entry for entry in (*entry_points(group=GROUP), *_BUILT_IN)}
+
+
+def detector_names() -> tuple[str, ...]:
+    """Names that :func:`make_detector` knows, in order of the alphabet."""
+    return tuple(sorted(_registered()))
+
+
+def make_detector(name: str = "yolox") -> "Detector":
+    """The detector registered under ``name``, with its defaults.
+
+    Raises :class:`InputError` for a name nobody registered and :class:`UnavailableError` where
+    the library that the detector needs is not installed.
+    """
+    entry = _registered().get(name)
+    if entry is None:
+        raise InputError(
+            f"detector: found {name!r}, expected one of {', '.join(detector_names())}; "
+            f"a package adds one by the entry-point group {GROUP!r}"
+        )
+    try:
+        factory = entry.load()
+    except ImportError as error:
+        raise UnavailableError(
+            f"detector {name!r} ({entry.value}) cannot be loaded: {error}; install what it needs"
+        ) from error
+    detector: Detector = factory()
+    return detector

@@ -1,0 +1,105 @@
+"""RTMPose: the 26 Halpe body points of people whose boxes are known.
+
+Source: Jiang et al., "RTMPose: Real-Time Multi-Person Pose Estimation based on MMPose" (2023);
+coordinates are classified per axis as in Li et al., "SimCC" (ECCV 2022).
+"""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from scene4d.model import HALPE26
+from scene4d.perception.session import DEFAULT_THREADS, open_session
+from scene4d.perception.weights import weight_path
+
+INPUT_SIZE = (192, 256)
+"""Width and height of the network's input, pixels."""
+PADDING = 1.25
+"""The crop is the box, widened to the input's aspect, times this."""
+BINS_PER_PIXEL = 2
+BATCH = 16
+
+_MEAN_RGB = np.array([123.675, 116.28, 103.53], np.float32)
+_STD_RGB = np.array([58.395, 57.12, 57.375], np.float32)
+
+
+def crop_transforms(
+    box_xyxy: Float[np.ndarray, "n 4"], input_size: tuple[int, int] = INPUT_SIZE
+) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 2"]]:
+    """Scale (n,) and shift (n, 2) with ``input_px = scale * image_px + shift``, for every box.
+
+    One scale for both axes: the box is widened, never squeezed, to the aspect of the input. Both
+    sides count pixel centres at integers; the middle of the box falls on ``input_size / 2``, the
+    convention with which the network was trained.
+    """
+    width, height = input_size
+    centre = (box_xyxy[:, :2] + box_xyxy[:, 2:]) / 2
+    size = np.maximum(box_xyxy[:, 2:] - box_xyxy[:, :2], 1.0) * PADDING
+    scale = 1 / np.maximum(size[:, 0] / width, size[:, 1] / height)
+    return scale, np.array([width, height]) / 2 - scale[:, None] * centre
+
+
+def decode_simcc(logits: Float[np.ndarray, "n k b"]) -> tuple[np.ndarray, np.ndarray]:
+    """Position (n, k) in bins, with the vertex of a parabola, and the peak's height (n, k).
+
+    At the first and the last bin there are no two neighbours, so the bin itself is returned.
+    """
+    bins = logits.shape[2]
+    peak = logits.argmax(axis=2)
+    inner = np.clip(peak, 1, bins - 2)
+    left, middle, right = (
+        np.take_along_axis(logits, (inner + d)[..., None], axis=2)[..., 0].astype(float)
+        for d in (-1, 0, 1)
+    )
+    bend = left - 2 * middle + right
+    step = np.divide(left - right, 2 * bend, out=np.zeros_like(bend), where=bend < 0)
+    position = peak + np.where(peak == inner, np.clip(step, -0.5, 0.5), 0.0)
+    return position, logits.max(axis=2).astype(float)
+
+
+class KeypointEstimator:
+    """RTMPose-s through ONNX Runtime; loads the weights when made."""
+
+    names: tuple[str, ...] = HALPE26
+
+    def __init__(self, weights: Path | None = None, *, threads: int = DEFAULT_THREADS) -> None:
+        path = weight_path("rtmpose-s") if weights is None else weights
+        self._session = open_session(path, threads)
+        self._input = self._session.get_inputs()[0].name
+
+    def estimate(
+        self, image_bgr: UInt8[np.ndarray, "h w 3"], box_xyxy: Float[np.ndarray, "n 4"]
+    ) -> tuple[Float[np.ndarray, "n 26 2"], Float[np.ndarray, "n 26"]]:
+        """Keypoints (n, 26, 2) in pixels of the image and their scores (n, 26) in [0, 1].
+
+        A score is the lower of the two axes' peaks. The network was trained to answer with a bump
+        of height 1 at the right place, so the raw peak is a confidence already; noise carries it
+        slightly out of [0, 1], where it is clipped. Points may lie outside the image.
+        """
+        uv = np.empty((len(box_xyxy), len(HALPE26), 2))
+        score = np.empty((len(box_xyxy), len(HALPE26)))
+        scale, shift = crop_transforms(box_xyxy)
+        for start in range(0, len(box_xyxy), BATCH):
+            rows = slice(start, start + BATCH)
+            crops = _crops(image_bgr, scale[rows], shift[rows])
+            logits_x, logits_y = self._session.run(["simcc_x", "simcc_y"], {self._input: crops})
+            x, peak_x = decode_simcc(logits_x)
+            y, peak_y = decode_simcc(logits_y)
+            inside = np.stack([x, y], axis=2) / BINS_PER_PIXEL
+            uv[rows] = (inside - shift[rows, None, :]) / scale[rows, None, None]
+            score[rows] = np.clip(np.minimum(peak_x, peak_y), 0.0, 1.0)
+        return uv, score
+
+
+def _crops(image_bgr: np.ndarray, scale: np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """The network's input (n, 3, 256, 192): red first, normalised as in its training."""
+    width, height = INPUT_SIZE
+    crops = np.empty((len(scale), 3, height, width), np.float32)
+    for crop, s, (tx, ty) in zip(crops, scale, shift, strict=True):
+        matrix = np.array([[s, 0, tx], [0, s, ty]])
+        warped = cv2.warpAffine(image_bgr, matrix, INPUT_SIZE, flags=cv2.INTER_LINEAR)
+        rgb = (warped[:, :, ::-1].astype(np.float32) - _MEAN_RGB) / _STD_RGB
+        crop[:] = rgb.transpose(2, 0, 1)
+    return crops

@@ -1,0 +1,77 @@
+"""Finding "people" that never move: mannequins, posters, reflections.
+
+Detectors find them as gladly as people, and always at the same place; a camera calibrated on them
+is bent to their size. Time tells: nobody stands still to within a few percent of their height for
+the larger part of a long clip.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.spatial import cKDTree
+
+from scene4d.model import Detections
+
+MIN_DURATION_S = 20.0
+MIN_FRAMES = 10
+CLIP_SHARE = 0.6
+"""Share of the clip from the first to the last sighting."""
+SEEN_SHARE = 0.5
+"""Share of the frames between them with a sighting: separates one that stays from many who pass
+the same spot."""
+MIN_IOU = 0.7
+STILL = 0.025
+"""Typical (median) shift of a sighting against the middle one, in heights. Someone who stands
+shifts their weight and turns by more; a detector's jitter on a still figure is about 0.01."""
+
+
+def stationary(
+    detections: Detections, *, min_duration_s: float = MIN_DURATION_S
+) -> Bool[np.ndarray, "n"]:
+    """Which detections (n,) show something that stays in place through most of the clip.
+
+    Of a clip shorter than ``min_duration_s``, or of fewer than 10 frames with detections, or
+    without times, nothing can be said: all False.
+    """
+    nothing = np.zeros(len(detections), bool)
+    time, frame = detections.time_s, detections.frame
+    if not len(time) or not np.isfinite(time).all() or len(np.unique(frame)) < MIN_FRAMES:
+        return nothing
+    duration = float(time.max() - time.min())
+    if duration < min_duration_s:
+        return nothing
+    needed_s = max(min_duration_s, CLIP_SHARE * duration)
+    frames = np.unique(frame)
+    out = nothing
+    for members in same_place(detections.box_xyxy):
+        if time[members].max() - time[members].min() < needed_s:
+            continue
+        seen = np.unique(frame[members])
+        between = np.searchsorted(frames, seen[-1]) - np.searchsorted(frames, seen[0]) + 1
+        if len(seen) >= SEEN_SHARE * between and _is_still(detections.box_xyxy[members]):
+            out[members] = True
+    return out
+
+
+def same_place(box_xyxy: Float[np.ndarray, "n 4"]) -> list[np.ndarray]:
+    """For every box, the rows of those that overlap it by an IoU of at least 0.7, and itself."""
+    # An IoU of s leaves no edge further off than (1 - s) / s of a box's longer side.
+    side = np.maximum(box_xyxy[:, 2] - box_xyxy[:, 0], box_xyxy[:, 3] - box_xyxy[:, 1])
+    radius = side * (1 - MIN_IOU) / MIN_IOU
+    near = cKDTree(box_xyxy).query_ball_point(box_xyxy, radius, p=np.inf)
+    return [
+        np.array(rows)[_iou(box, box_xyxy[rows]) >= MIN_IOU]
+        for box, rows in zip(box_xyxy, near, strict=True)
+    ]
+
+
+def _iou(box: np.ndarray, others: np.ndarray) -> np.ndarray:
+    size = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
+    shared = np.clip(size, 0, None).prod(axis=1)
+    areas = (box[2:] - box[:2]).prod() + (others[:, 2:] - others[:, :2]).prod(axis=1)
+    return np.divide(shared, areas - shared, out=np.zeros(len(others)), where=areas > shared)
+
+
+def _is_still(box_xyxy: np.ndarray) -> bool:
+    height = np.median(box_xyxy[:, 3] - box_xyxy[:, 1])
+    shift = np.abs(box_xyxy - np.median(box_xyxy, axis=0)).max(axis=1)
+    return bool(np.median(shift) <= STILL * height)

@@ -1,0 +1,96 @@
+"""Open any footage: a video, an image, a folder of images, a glob, or a stream address."""
+
+import glob
+import os
+import re
+from pathlib import Path
+
+from scene4d.errors import InputError
+from scene4d.video.frames import Frame, Source, Timeline
+from scene4d.video.images import IMAGE_SUFFIXES, ImageSource, natural_key
+
+__all__ = ["Frame", "Source", "Timeline", "open_source"]
+
+STREAM_SCHEMES = frozenset({"rtsp", "rtsps", "rtmp", "rtmps", "http", "https", "udp", "srt", "rtp"})
+
+
+def open_source(source: str | os.PathLike[str]) -> Source:
+    """The footage behind a SOURCE.
+
+    A path that exists wins over its reading as a glob. Images are ordered by the numbers in
+    their names (``frame_2`` before ``frame_10``). Raises :class:`InputError` where there is
+    nothing that can be read, and ``UnavailableError`` for a stream that does not answer.
+    """
+    text = os.fspath(source)
+    scheme = re.match(r"([a-z][a-z0-9+.]*)://", text, re.IGNORECASE)
+    if scheme:
+        return _open_stream(text, scheme[1].lower())
+    path = Path(text)
+    if path.is_dir():
+        return _open_folder(path)
+    if not path.exists() and glob.has_magic(text):
+        return _open_glob(text)
+    return _open_file(path)
+
+
+def _open_stream(url: str, scheme: str) -> Source:
+    if scheme not in STREAM_SCHEMES:
+        raise InputError(
+            f"{scheme}:// is no kind of stream that is read; expected one of "
+            f"{', '.join(sorted(STREAM_SCHEMES))}, or a file without a scheme"
+        )
+    from scene4d.video.stream import StreamSource
+
+    return StreamSource(url)
+
+
+def _open_folder(folder: Path) -> Source:
+    try:
+        paths = [p for p in folder.iterdir() if _is_image(p)]
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be listed: {error.strerror}") from error
+    if not paths:
+        raise InputError(
+            f"{folder}: the folder holds no images; expected files that end in "
+            f"{' '.join(sorted(IMAGE_SUFFIXES))}, or give a video file"
+        )
+    return ImageSource(str(folder), sorted(paths, key=natural_key))
+
+
+def _open_glob(pattern: str) -> Source:
+    matches = glob.glob(pattern, recursive=True)  # noqa: PTH207 - Path.glob takes no full path
+    paths = [p for p in map(Path, matches) if p.is_file()]
+    if not paths:
+        raise InputError(
+            f"{pattern}: matches no file; check the pattern, and quote it so that the shell "
+            "does not expand it"
+        )
+    if len(paths) == 1:
+        return _open_file(paths[0])
+    other = [p for p in paths if not _is_image(p)]
+    if other:
+        raise InputError(
+            f"{pattern}: matches {len(paths)} files of which {other[0].name} is no image; "
+            "a glob must match images only, or a single video"
+        )
+    by_folder = sorted(paths, key=lambda p: (str(p.parent), natural_key(p)))
+    return ImageSource(pattern, by_folder)
+
+
+def _open_file(path: Path) -> Source:
+    try:
+        size = path.stat().st_size
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+    if size == 0 and path.is_file():
+        raise InputError(f"{path}: is empty (0 bytes); copy or record it again")
+    if _is_image(path):
+        return ImageSource(str(path), [path])
+    from scene4d.video.videofile import VideoSource
+
+    return VideoSource(path)
+
+
+def _is_image(path: Path) -> bool:
+    hidden = path.name.startswith(".")  # macOS leaves "._name.jpg" beside pictures
+    return not hidden and path.suffix.lower() in IMAGE_SUFFIXES

@@ -1,0 +1,97 @@
+"""Network streams: frames as they come, with no end that could be known."""
+
+import re
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import av
+
+from scene4d.errors import InputError, UnavailableError
+from scene4d.video.decoding import decode, packets, pixel_notes, upright_bgr, video_stream
+from scene4d.video.frames import Frame, Source
+
+STREAM_TIMEOUT_S = 15.0
+
+
+def without_password(url: str) -> str:
+    """The address as messages and reports may show it."""
+    return re.sub(r"//[^/@]*@", "//", url)
+
+
+class StreamSource(Source):
+    """A live stream. Frames are numbered from the first one received; none comes back.
+
+    ``time_s`` is the stream's own clock from that frame on. Raises :class:`UnavailableError`
+    where the stream cannot be reached.
+    """
+
+    def __init__(self, url: str) -> None:
+        self.name = without_password(url)
+        self.timeline = None
+        self._ended = False
+        # UDP loses packets of large frames, and damaged frames look like moving things.
+        options = {"rtsp_transport": "tcp"} if url.startswith("rtsp") else {}
+        try:
+            self._container = av.open(url, options=options, timeout=STREAM_TIMEOUT_S)
+        except (av.error.FFmpegError, OSError) as error:
+            raise UnavailableError(
+                f"{self.name}: the stream cannot be opened "
+                f"({getattr(error, 'strerror', None) or 'no answer'}); check its address, user and "
+                "password with a player, or record a clip and give the file"
+            ) from error
+        stream = video_stream(self._container, self.name)
+        self._notes = pixel_notes(stream, self.name)
+        rate = stream.guessed_rate or stream.average_rate
+        self.fps = float(rate) if rate else None
+        self._decoded = self._decode(stream)
+        self._ahead = next(self._decoded, None)
+        if self._ahead is None:
+            self.close()
+            raise InputError(f"{self.name}: the stream is open but no frame of it can be decoded")
+        height, width = upright_bgr(self._ahead[2], self.name).shape[:2]
+        self.image_size = (width, height)
+
+    def _decode(self, stream: Any) -> Iterator[tuple[int, float, Any]]:
+        """(index, time, undecorated frame), where a clock that jumps back is joined on."""
+        index, time_s, last_pts = 0, 0.0, None
+        step = 1 / (self.fps or 25.0)
+        for packet in packets(self._container, stream):
+            for frame in decode(stream, packet):
+                if frame.is_corrupt:
+                    continue
+                if index:
+                    known = frame.pts is not None and last_pts is not None
+                    ticks = frame.pts - last_pts if known else 0
+                    time_s += ticks * float(stream.time_base) if ticks > 0 else step
+                last_pts = frame.pts
+                yield index, time_s, frame
+                index += 1
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """See :attr:`Source.warnings`."""
+        ended = f"{self.name}: the stream ended before all frames that were asked for came"
+        return (*self._notes, ended) if self._ended else tuple(self._notes)
+
+    def frames(self, indices: Iterable[int] | None = None) -> Iterator[Frame]:
+        """See :meth:`Source.frames`; indices that went by already do not come back."""
+        wanted = None if indices is None else sorted({int(i) for i in indices})
+        while wanted is None or wanted:
+            item = self._ahead or next(self._decoded, None)
+            self._ahead = None
+            if item is None:
+                self._ended = wanted is not None
+                return
+            index, time_s, decoded = item
+            while wanted and wanted[0] < index:
+                wanted.pop(0)
+            if wanted is None or (wanted and wanted[0] == index):
+                image = upright_bgr(decoded, self.name)
+                self._check_size(image, f"frame {index}")
+                yield Frame(index, time_s, image)
+                if wanted:
+                    wanted.pop(0)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._container.close()

@@ -1,0 +1,41 @@
+from importlib.metadata import EntryPoint
+
+import numpy as np
+import pytest
+import supervision as sv
+
+from scene4d.errors import InputError, UnavailableError
+from scene4d.perception import detectors
+from scene4d.perception.detectors.base import Detector
+
+
+class Nobody:
+    def detect(self, image_bgr):
+        return sv.Detections.empty()
+
+
+@pytest.fixture
+def registered(monkeypatch):
+    entries = []
+    monkeypatch.setattr(detectors, "entry_points", lambda group: entries)
+    return entries
+
+
+def test_a_package_can_add_a_detector_but_not_replace_ours(registered):
+    registered += [
+        EntryPoint("nobody", f"{__name__}:Nobody", detectors.GROUP),
+        EntryPoint("yolox", f"{__name__}:Nobody", detectors.GROUP),
+    ]
+    assert detectors.detector_names() == ("nobody", "yolox")
+    found = detectors.make_detector("nobody")
+    assert isinstance(found, Detector)
+    assert len(found.detect(np.zeros((4, 4, 3), np.uint8))) == 0
+    assert detectors._registered()["yolox"].value.startswith("scene4d.")
+
+
+def test_an_unknown_or_broken_detector_is_named(registered):
+    with pytest.raises(InputError, match="found 'yolo', expected one of yolox"):
+        detectors.make_detector("yolo")
+    registered.append(EntryPoint("broken", "no_such_module:Thing", detectors.GROUP))
+    with pytest.raises(UnavailableError, match=r"'broken'.*no_such_module"):
+        detectors.make_detector("broken")

@@ -1,0 +1,251 @@
+"""Video files: the right frame under the right number at the right time, whatever the file."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from scene4d.errors import InputError, UnavailableError
+from scene4d.video import videofile
+from scene4d.video.reader import open_source
+from scene4d.video.stream import StreamSource, without_password
+from scene4d.video.timeline import _from_packets
+
+FORMATS = [
+    ("a.mp4", {}),
+    ("a.mkv", {}),
+    ("a.ts", {}),
+    ("a.mov", {"b_frames": 0}),
+    ("mpeg4.avi", {"codec": "mpeg4"}),
+    ("intra.avi", {"codec": "mjpeg", "b_frames": 0}),
+    ("open_gop.mpg", {"codec": "mpeg2video"}),
+    ("raw.h264", {}),
+]
+
+
+@pytest.mark.parametrize(("name", "options"), FORMATS, ids=[f[0] for f in FORMATS])
+def test_every_frame_comes_once_under_its_number(write_video, read_stamp, name, options):
+    with open_source(write_video(name, **options)) as source:
+        frames = list(source.frames())
+        assert source.image_size == (160, 128)
+        assert source.frame_count == 60
+        assert source.fps == pytest.approx(25, rel=1e-3)
+        assert source.duration_s == pytest.approx(60 / 25, rel=1e-3)
+    assert [f.index for f in frames] == list(range(60))
+    assert [read_stamp(f.image_bgr) for f in frames] == list(range(60))
+    assert np.allclose([f.time_s for f in frames], np.arange(60) / 25, atol=1e-3)
+    below = frames[30].image_bgr[100, 80].astype(int)
+    assert np.abs(below - (200, 40, 40)).max() < 12, "BGR order"
+
+
+@pytest.mark.parametrize(("name", "options"), FORMATS, ids=[f[0] for f in FORMATS])
+def test_wanted_frames_are_exact_after_seeking(write_video, read_stamp, name, options):
+    source = open_source(write_video(name, 150, **options))
+    wanted = [0, 3, 39, 40, 41, 58, 77, 100, 101, 119, 120, 149]
+    frames = list(source.frames(reversed(wanted)))
+    assert [f.index for f in frames] == wanted
+    assert [read_stamp(f.image_bgr) for f in frames] == wanted
+    assert not [w for w in source.warnings if "damaged" in w]
+
+
+@pytest.mark.parametrize("b_frames", [0, 2])
+@pytest.mark.parametrize("name", ["vfr.mp4", "vfr.mkv"])
+def test_variable_rate_keeps_the_containers_times(write_video, read_stamp, name, b_frames):
+    rng = np.random.default_rng(1)
+    times_ms = 500 + np.cumsum(rng.integers(15, 400, 80))
+    source = open_source(write_video(name, 80, times_ms=times_ms, b_frames=b_frames))
+    frames = list(source.frames([5, 30, 79]))
+    assert [read_stamp(f.image_bgr) for f in frames] == [5, 30, 79]
+    expected = (times_ms[[5, 30, 79]] - times_ms[0]) / 1000
+    assert np.allclose([f.time_s for f in frames], expected, atol=2e-3)
+    assert source.fps == pytest.approx(79_000 / (times_ms[-1] - times_ms[0]), rel=1e-3)
+
+
+def test_the_index_and_the_packets_tell_the_same_times(write_video):
+    import av
+
+    source = open_source(write_video("plain.mp4", 70, b_frames=0))
+    with av.open(source.name) as container:
+        table = _from_packets(container, container.streams.video[0])
+    assert np.array_equal(table.pts, source._pts)
+    assert np.array_equal(table.is_key, source.timeline.is_key)
+    assert np.flatnonzero(table.is_key).tolist() == [0, 20, 40, 60]
+
+
+@pytest.mark.parametrize("rotation", [0, 90, 180, -90])
+def test_rotation_metadata_as_opencv_applies_it(write_video, rotation):
+    path = write_video("turned.mp4", 3, rotation=rotation)
+    source = open_source(path)
+    image = next(source.frames()).image_bgr
+    capture = cv2.VideoCapture(str(path))  # independent: OpenCV turns frames itself
+    found, reference = capture.read()
+    assert found
+    assert source.image_size == ((128, 160) if rotation % 180 else (160, 128))
+    assert image.shape == reference.shape
+    assert np.abs(image.astype(int) - reference).max() <= 3
+    assert image.flags.c_contiguous
+
+
+def test_two_iterators_of_one_source_do_not_disturb_each_other(write_video, read_stamp):
+    source = open_source(write_video("a.mp4"))
+    for a, b in zip(source.frames(), source.frames([10, 40, 50]), strict=False):
+        assert read_stamp(a.image_bgr) == a.index
+        assert read_stamp(b.image_bgr) == b.index
+
+
+@pytest.mark.parametrize("indices", [[-1], [0, 60]])
+def test_a_frame_that_does_not_exist(write_video, indices):
+    source = open_source(write_video("a.mp4"))
+    with pytest.raises(InputError, match=r"has no frame (-1|60); its frames are 0 to 59"):
+        list(source.frames(indices))
+
+
+def cut(path: Path, share: float) -> Path:
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * share)])
+    return path
+
+
+@pytest.mark.parametrize("name", ["a.mkv", "b.avi", "fast.mp4"])
+def test_a_truncated_file_gives_what_decodes_and_says_how_much_is_missing(
+    write_video, read_stamp, name
+):
+    codec = "mpeg4" if name.endswith("avi") else "libx264"
+    flags = {"movflags": "faststart"} if name.endswith("mp4") else None
+    source = open_source(cut(write_video(name, 100, codec=codec, container=flags), 0.6))
+    frames = list(source.frames())
+    assert 20 < len(frames) < 95
+    # Around the cut, frames that are shown earlier may be gone: the last ranks say nothing.
+    sure = frames[:-3]
+    assert [read_stamp(f.image_bgr) for f in sure] == [f.index for f in sure]
+    assert f"{source.frame_count} of 100 frames are there" in source.warnings[0]
+    lost = source.frame_count - len(frames)
+    if lost:
+        assert f"{lost} of the {source.frame_count} frames asked for are damaged" in "".join(
+            source.warnings
+        )
+
+
+def test_a_truncated_mp4_without_its_index_names_the_cause(write_video):
+    with pytest.raises(InputError, match=r"a\.mp4: .*index is missing because .* cut off"):
+        open_source(cut(write_video("a.mp4"), 0.6))
+
+
+def test_damage_in_the_middle_costs_only_frames(write_video, read_stamp):
+    path = write_video("a.mp4", 100, b_frames=0)
+    data = bytearray(path.read_bytes())
+    middle = int(len(data) * 0.4)
+    data[middle : middle + 900] = np.random.default_rng(0).bytes(900)
+    path.write_bytes(data)
+    source = open_source(path)
+    assert source.warnings == ()
+    frames = list(source.frames())
+    lost = 100 - len(frames)
+    assert 0 < lost < 60
+    assert f"{lost} of the 100 frames asked for are damaged" in source.warnings[0]
+    late = [f for f in frames if f.index >= 80]
+    assert [read_stamp(f.image_bgr) for f in late] == list(range(80, 100))
+
+
+def test_all_wanted_frames_damaged_is_an_error(write_video, monkeypatch):
+    source = open_source(write_video("a.mp4"))
+    monkeypatch.setattr(videofile, "decode", lambda stream, packet: [])
+    with pytest.raises(InputError, match="none of 2 frames can be decoded"):
+        list(source.frames([3, 7]))
+
+
+def test_frames_of_changing_size(write_video, tmp_path):
+    parts = [
+        write_video(f"{w}.ts", 10, codec="mpeg2video", b_frames=0, size=(w, 128))
+        for w in (160, 192)
+    ]
+    path = tmp_path / "joined.ts"
+    path.write_bytes(b"".join(p.read_bytes() for p in parts))
+    source = open_source(path)
+    with pytest.raises(InputError, match=r"joined\.ts: frame \d+ is 192x128 .* 160x128"):
+        list(source.frames())
+
+
+def test_joined_recordings_whose_clock_jumps_back_are_counted(write_video, read_stamp, tmp_path):
+    part = write_video("part.ts", 30, codec="mpeg2video", b_frames=0).read_bytes()
+    path = tmp_path / "joined.ts"
+    path.write_bytes(part + part)
+    source = open_source(path)
+    assert "no usable times; 25 frames a second are assumed" in source.warnings[0]
+    frames = list(source.frames([4, 40]))
+    assert [f.index for f in frames] == [4, 40]
+    assert [f.time_s for f in frames] == [4 / 25, 40 / 25]
+    assert read_stamp(frames[0].image_bgr) == 4
+
+
+def test_what_is_no_video(tmp_path):
+    text = tmp_path / "notes.txt"  # FFmpeg alone would show this as a terminal
+    text.write_text("not a video\n" * 100)
+    fake = tmp_path / "fake.mp4"
+    fake.write_text("not a video\n" * 100)
+    empty = tmp_path / "empty.avi"
+    empty.touch()
+    for path, message in [
+        (text, r"notes\.txt: holds no video"),
+        (fake, r"fake\.mp4: is not a video that can be read"),
+        (empty, r"empty\.avi: is empty \(0 bytes\); copy or record it again"),
+        (tmp_path / "absent.mp4", r"absent\.mp4: cannot be read: No such file"),
+    ]:
+        with pytest.raises(InputError, match=message):
+            open_source(path)
+
+
+def test_the_pets_video(shared_data):
+    source = open_source(shared_data / "pets2009" / "vtest.avi")
+    assert (source.image_size, source.frame_count, source.fps) == ((768, 576), 795, 10)
+    assert source.duration_s == pytest.approx(79.5)
+    wanted = [0, 249, 250, 600, 794]
+    frames = list(source.frames(wanted))
+    assert [f.time_s for f in frames] == pytest.approx([i / 10 for i in wanted])
+    capture = cv2.VideoCapture(source.name)
+    for i in range(250):  # independent: OpenCV, decoded straight through
+        capture.grab()
+        if i == 249:
+            reference = capture.retrieve()[1]
+    assert np.abs(frames[1].image_bgr.astype(int) - reference).mean() < 1
+    assert source.warnings == ()
+
+
+def test_stream_frames_come_in_order_with_their_own_clock(write_video, read_stamp):
+    times_ms = 1000 + np.cumsum(np.random.default_rng(2).integers(20, 90, 40))
+    with StreamSource(str(write_video("a.mkv", 40, times_ms=times_ms))) as stream:
+        assert stream.frame_count is None
+        assert stream.duration_s is None
+        assert stream.image_size == (160, 128)
+        first = list(stream.frames([2, 7]))
+        second = list(stream.frames([1, 9, 70]))
+    assert [f.index for f in first + second] == [2, 7, 9]
+    assert [read_stamp(f.image_bgr) for f in first + second] == [2, 7, 9]
+    expected = (times_ms[[2, 7, 9]] - times_ms[0]) / 1000
+    assert np.allclose([f.time_s for f in first + second], expected, atol=2e-3)
+    assert "ended before" in stream.warnings[0]
+
+
+@pytest.mark.parametrize("url", ["rtsp://u:secret@cam/1", "HTTP://u:secret@host/live.m3u8"])
+def test_stream_addresses_go_to_the_stream_reader_and_hide_the_password(monkeypatch, url):
+    import av
+
+    asked = []
+
+    def refuse(address, **options):
+        asked.append((address, options))
+        raise av.error.TimeoutError(110, "Connection timed out")
+
+    monkeypatch.setattr(av, "open", refuse)
+    with pytest.raises(UnavailableError, match="cannot be opened") as caught:
+        open_source(url)
+    assert asked[0][0] == url
+    assert asked[0][1]["timeout"] > 0
+    assert "secret" not in str(caught.value)
+    assert "secret" not in without_password(url)
+
+
+def test_an_unknown_scheme_names_those_that_are_read():
+    with pytest.raises(InputError, match=r"ftp:// is no kind of stream .* rtsp"):
+        open_source("ftp://host/video.mp4")
