@@ -152,6 +152,7 @@ def test_a_camera_of_an_undetermined_calibration_is_never_drawn(tmp_path):
     rejected = scenes.undetermined(camera=scenes.camera(), covariance=scenes.COVARIANCE)
     write_report(tmp_path / "a", rejected)
     write_report(tmp_path / "b", scenes.undetermined())
+    assert [p.name for p in (tmp_path / "a" / "figures").iterdir()] == ["overlay.png"]
     name = "figures/overlay.png"
     assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
@@ -194,7 +195,8 @@ def test_unusual_scenes_without_a_frame_give_a_page(tmp_path, name):
 def test_twenty_thousand_people_are_thinned_and_the_page_says_so(tmp_path):
     calibration = scenes.calibration(n=100)
     many = calibration.segments.select(np.arange(20_000) % 100)
-    calibration = scenes.calibration(segments=many, inlier=np.arange(20_000) % 9 > 0)
+    agreed = np.arange(20_000) % 9 > 0
+    calibration = scenes.calibration(segments=many, inlier=agreed, residual=np.zeros(20_000))
     write_report(tmp_path, calibration)
     _, page = read(tmp_path)
     assert "An even sample of the people is drawn." in page.text

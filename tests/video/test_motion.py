@@ -107,6 +107,13 @@ def test_a_tremor_below_the_threshold_and_a_passing_truck_are_no_move(textured):
     assert not watch(passing).moved
 
 
+def test_a_train_over_most_of_the_picture_is_no_move(textured):
+    train = textured.copy()
+    train[:, :380] = textured[:, 20:400]
+    frames = [noisy(train if i >= 4 else textured, i) for i in range(12)]
+    assert watch(frames) == MotionVerdict(False, 0, 11, 0.0, None)
+
+
 @pytest.mark.parametrize("gain", [0.15, 0.5, 1.8])
 @pytest.mark.parametrize("gamma", [0.5, 1.0, 2.0])
 def test_a_change_of_light_is_no_move(textured, gain, gamma):

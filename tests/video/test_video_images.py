@@ -57,9 +57,8 @@ def test_natural_order_is_the_order_of_the_numbers(numbers):
 @given(st.lists(st.text("0123456789ab²٣_", min_size=1), min_size=2, max_size=6, unique=True))
 def test_natural_order_is_total(names):
     paths = [Path(n) for n in names]
-    assert sorted(paths, key=natural_key) == [
-        *reversed(sorted(paths, key=natural_key, reverse=True))
-    ]
+    shuffled = paths[1:] + paths[:1]
+    assert sorted(paths, key=natural_key) == sorted(shuffled, key=natural_key)
 
 
 GREY16 = (np.arange(1200, dtype=np.uint16) * 54).reshape(30, 40)

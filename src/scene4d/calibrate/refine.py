@@ -238,11 +238,13 @@ def updated_noise(problem: Problem, state: State) -> Noise:
 
     A step of expectation-maximisation: a height that is only partly known hides part of the
     residual, which its posterior variance puts back. People seen once tell the sum of noise and
-    height spread alone; it is split in the proportion believed so far.
+    height spread alone; it is split in the proportion believed so far. Truncation and occlusion
+    only ever shorten a person, so the spread along it is read off those who are seen longer.
     """
     lin = linearise(problem, state)
     system = normal_equations(problem, state, lin)
     weight = problem.weight * lin.robust
+    longer = lin.residual[0] <= 0
     noise, box, lone = state.noise, problem.points.from_box, problem.lone
     hidden = (1 / system.height_information)[problem.track] * lin.by_height[0] ** 2
     along2, across2 = lin.residual[0] ** 2 * _UNSHRINK + hidden, lin.residual[1] ** 2 * _UNSHRINK
@@ -257,13 +259,13 @@ def updated_noise(problem: Problem, state: State) -> Noise:
     tracked[problem.track[~lone & (weight > 0.25)]] = True
     trust = np.where(tracked, lin.height_robust, 0.0)
     height2 = float((trust * (state.delta_m**2 + 1 / system.height_information)).sum())
-    height2 += float((weight * along2)[lone].sum()) * noise.height_m**2
-    count = _PRIOR_COUNT + float(trust.sum()) + float(weight[lone].sum())
+    height2 += float((weight * along2)[lone & longer].sum()) * noise.height_m**2
+    count = _PRIOR_COUNT + float(trust.sum()) + float(weight[lone & longer].sum())
     height = np.sqrt((_PRIOR_COUNT * first.height_m**2 + height2) / count)
     return Noise(
-        along=spread(along2, ~box, noise.along, first.along),
+        along=spread(along2, ~box & longer, noise.along, first.along),
         across=spread(across2, ~box, noise.across, first.across),
-        box_along=spread(along2, box, noise.box_along, first.box_along),
+        box_along=spread(along2, box & longer, noise.box_along, first.box_along),
         box_across=spread(across2, box, noise.box_across, first.box_across),
         pixel=noise.pixel,
         height_m=float(np.clip(height, *_HEIGHT_RANGE)),

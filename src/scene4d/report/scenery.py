@@ -133,7 +133,7 @@ def horizon_band(
     slope = np.column_stack(
         [elevation(camera, uv + d) - elevation(camera, uv - d) for d in (du, dv)]
     )
-    shift = 1.5 * sigma[:, None] * slope / np.sum(slope**2, axis=1, keepdims=True)
+    shift = Z95 * sigma[:, None] * slope / np.sum(slope**2, axis=1, keepdims=True)
     return uv + shift, uv - shift
 
 
