@@ -8,12 +8,14 @@ badly the people agree. Thousands of orientations are tried at once on a few hun
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.calibrate.body import CORNER, FOCAL, HEIGHT, ROLL, TILT, Points, undistort, up_vector
+from scene4d.calibrate.body import CORNER, FOCAL, HEIGHT, ROLL, TILT, Points, undistort
 from scene4d.calibrate.prior import Prior
 
 _ALONG, _ACROSS = 0.07, 0.06
 """Rough spread of a head about its prediction, in lengths of the person (height included)."""
 _OUTLIER = 3.0
+GRID_PEOPLE = 100
+"""So many people are enough to tell a good orientation from a bad one."""
 
 
 def _grid(prior: Prior) -> np.ndarray:
@@ -44,10 +46,17 @@ def starting_points(
 ) -> Float[np.ndarray, "m 5"]:
     """The best ``keep`` distinct parameter vectors of the grid, best first."""
     corner = prior.mean[CORNER]
+    if len(weight) > GRID_PEOPLE:
+        rows = np.linspace(0, len(weight) - 1, GRID_PEOPLE).astype(int)
+        points, weight = points.select(rows), weight[rows]
     foot, head = undistort(points.foot, corner)[0], undistort(points.head, corner)[0]
     orientations = _grid(prior)
     focal = np.exp(orientations[:, 0])[:, None]
-    up = np.stack([up_vector(t, r)[0] for t, r in orientations[:, 1:]])[:, :, None]  # (m, 3, 1)
+    tilt, roll = orientations[:, 1], orientations[:, 2]
+    up = np.stack(
+        [np.sin(roll) * np.cos(tilt), -np.cos(roll) * np.cos(tilt), -np.sin(tilt)], axis=1
+    )
+    up = up[:, :, None]
     x, y = foot[0] / focal, foot[1] / focal
     a, b = head[0] / focal, head[1] / focal
 

@@ -9,10 +9,12 @@ from scene4d.calibrate.initial import starting_points
 from scene4d.calibrate.lines import best_azimuths
 from scene4d.calibrate.refine import Noise, Problem, State, linearise, minimise, updated_noise
 
-SEARCH_PEOPLE = 300
+SEARCH_PEOPLE = 250
 """So many people are enough to choose among starting points; all of them refine the winner."""
 STARTS = 3
-NOISE_ROUNDS = 4
+SEARCH_WIDTH = 2.0
+"""The search believes in so many times the usual noise, so that it sees far people too."""
+NOISE_ROUNDS = 3
 NEW_POSITION = 0.25
 """A track counts anew when its feet have moved by this fraction of the person's length."""
 
@@ -60,17 +62,24 @@ def solve(problem: Problem, *, seed: int = 0) -> State | None:
         return None
     candidates = []
     for parameters in starts:
-        state = State(parameters, np.zeros(small.n_tracks), Noise())
-        state = minimise(people_only, state, steps=12, tolerance=1e-4)
+        state = State(parameters, np.zeros(small.n_tracks), Noise().widened(SEARCH_WIDTH))
+        state = minimise(people_only, state, steps=8, tolerance=1e-3)
         candidates.append((linearise(people_only, state).cost, len(candidates), state))
-    state = min(candidates)[2]
+    state = replace(min(candidates)[2], noise=Noise())
     if problem.lines is not None:
         state = _with_azimuth(small, state)
-    state = replace(state, delta_m=np.zeros(problem.n_tracks))
-    for _ in range(NOISE_ROUNDS):
-        state = minimise(problem, state, steps=6, tolerance=1e-4)
-        state = replace(state, noise=updated_noise(problem, state))
+    state = _with_noise(small, state)
+    if small is not problem:
+        state = _with_noise(problem, replace(state, delta_m=np.zeros(problem.n_tracks)))
     return minimise(problem, state, steps=12, tolerance=1e-9)
+
+
+def _with_noise(problem: Problem, state: State) -> State:
+    """Refine camera and noise in turns."""
+    for _ in range(NOISE_ROUNDS):
+        state = minimise(problem, state, steps=4, tolerance=1e-4)
+        state = replace(state, noise=updated_noise(problem, state))
+    return state
 
 
 def _with_azimuth(problem: Problem, state: State) -> State:

@@ -73,7 +73,11 @@ def person_equations(
     """``(A, b, c)`` with ``A (X, Y) + b C_Z = c``: four equations a person, foot then head."""
     M = (K @ R) / K[0, 0]
     rows = np.stack(
-        [M[axis] - points[:, axis, None] * M[2] for points in (foot_uv, head_uv) for axis in (0, 1)],
+        [
+            M[axis] - points[:, axis, None] * M[2]
+            for points in (foot_uv, head_uv)
+            for axis in (0, 1)
+        ],
         axis=1,
     )  # (n, 4, 3): foot u, foot v, head u, head v
     z = np.array([0.0, 0.0, person_height_m, person_height_m])

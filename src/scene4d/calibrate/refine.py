@@ -2,12 +2,19 @@
 
 Minimises over the camera θ = (log f, tilt, roll, log h, D) and one height per track
 
-    Σᵢ wᵢ ρ(|rᵢ|²) + Σₜ ρ(δₜ² / σ_H²) + Σₖ (θₖ - θ̄ₖ)² / sₖ²
+    Σᵢ wᵢ (-2 log p(aᵢ, cᵢ)) + Σₜ ρ(δₜ² / σ_H²) + Σₖ (θₖ - θ̄ₖ)² / sₖ²
 
-where rᵢ is the logarithm of predicted over seen length and the angle between the two, over their
-noise, ρ is the Geman-McClure loss (children and cyclists are outliers as a track) and wᵢ counts a track by its distinct positions rather than by its
-frames. The heights δₜ are eliminated track by track (Schur complement): O(n) per step. Noise and
-height spread are re-estimated with a weak prior (expectation-maximisation of their posterior).
+where aᵢ is the logarithm of predicted over seen length and cᵢ the angle between the two, in sigmas,
+and wᵢ counts a track by its distinct positions rather than by its frames. p is a mixture of
+
+    people as modelled          N(a) N(c)
+    people seen too short       uniform in a > 1, N(c): truncated, occluded, seated, children
+    no people                   uniform in both
+
+whose gradient is that of weighted least squares, with the posterior probability of being as
+modelled for a, and of being upright for c. ρ is the Geman-McClure loss: a child or a cyclist is an
+outlier as a track. The heights δₜ are eliminated track by track (Schur complement): O(n) per step.
+Noise, height spread and shares are re-estimated by expectation-maximisation with a weak prior.
 """
 
 from dataclasses import dataclass, replace
@@ -20,8 +27,11 @@ from scene4d.calibrate.body import N_PARAMETERS, Points, predict_heads
 from scene4d.calibrate.lines import Lines, LineTerms, line_terms
 from scene4d.calibrate.prior import Prior
 
-LOSS_WIDTH = 3.0
-"""Geman-McClure width in standard deviations: weight ¼ at 3 σ, 1/14 at 5 σ."""
+HEIGHT_LOSS_WIDTH = 3.0
+"""Geman-McClure width of a track's height, in standard deviations."""
+SHORT_RANGE, TURN_RANGE = 1.2, 0.8
+"""Range of log length (truncation down to 30 %) and of direction (radians) of outliers."""
+_SHORT_FROM, _SHORT_EDGE = 1.0, 0.5  # where "too short" begins, and its softness, in sigmas
 HEIGHT_SIGMA_M = 0.09
 """Spread of adults' heights (METHOD section 4)."""
 _N = N_PARAMETERS + 1  # the camera, and the azimuth of the lines
@@ -32,14 +42,20 @@ _HEIGHT_RANGE = (0.01, 0.2)
 
 @dataclass(frozen=True)
 class Noise:
-    """Spread of log length and of direction (radians) of a person; heights in metres."""
+    """Spread of log length, direction (radians) and height (m) of people; shares of outliers."""
 
     along: float = 0.03
     across: float = 0.045
     box_along: float = 0.05
     box_across: float = 0.09
-    pixel: float = 0.0
     height_m: float = HEIGHT_SIGMA_M
+    short: float = 0.12
+    stray: float = 0.05
+
+    def widened(self, factor: float) -> "Noise":
+        """Larger spreads for the search, which starts far from the answer."""
+        names = ("along", "across", "box_along", "box_across", "height_m")
+        return replace(self, **{name: factor * getattr(self, name) for name in names})
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,9 +82,7 @@ class Problem:
     def select(self, rows: np.ndarray) -> "Problem":
         """The problem on some of its people; tracks are renumbered."""
         _, track = np.unique(self.track[rows], return_inverse=True)
-        return replace(
-            self, points=self.points.select(rows), track=track, weight=self.weight[rows]
-        )
+        return replace(self, points=self.points.select(rows), track=track, weight=self.weight[rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,13 +97,20 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Residuals (2, n) in sigmas with derivatives at a state, robust weights, and the cost."""
+    """Residuals (2, n) in sigmas with derivatives at a state, their weights, and the cost.
+
+    ``inlier`` (n,) is the probability that a person is as modelled, ``weight`` (2, n) what the
+    two residuals count, ``force`` (2, n) half the gradient of the loss by the residuals,
+    ``height_weight`` (t,) what a track's height counts.
+    """
 
     residual: Float[np.ndarray, "2 n"]
     by_parameter: Float[np.ndarray, "5 2 n"]
     by_height: Float[np.ndarray, "2 n"]
-    robust: Float[np.ndarray, "n"]
-    height_robust: Float[np.ndarray, "t"]
+    inlier: Float[np.ndarray, "n"]
+    weight: Float[np.ndarray, "2 n"]
+    force: Float[np.ndarray, "2 n"]
+    height_weight: Float[np.ndarray, "t"]
     cost: float
     lines: LineTerms | None
 
@@ -101,10 +122,7 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     predicted = predict_heads(state.parameters, points, heights)
     seen = points.head - points.foot
     length = np.sqrt((seen * seen).sum(axis=0))
-    blur = (noise.pixel / length) ** 2
-    along = np.sqrt(np.where(points.from_box, noise.box_along, noise.along) ** 2 + blur)
-    along = np.where(problem.lone, np.hypot(along, noise.height_m / problem.person_height_m), along)
-    across = np.sqrt(np.where(points.from_box, noise.box_across, noise.across) ** 2 + blur)
+    along, across = _spreads(problem, noise)
 
     expected = predicted.head - points.foot
     expected2 = np.maximum((expected * expected).sum(axis=0), 1e-18)
@@ -120,30 +138,65 @@ def linearise(problem: Problem, state: State) -> Linearisation:
         turn = expected[0] * v[..., 1, :] - expected[1] * v[..., 0, :]
         return np.stack([stretch / (expected2 * along), turn / (expected2 * across)], axis=-2)
 
-    chi2 = (residual * residual).sum(axis=0)
-    chi2 = np.where(predicted.valid, np.minimum(chi2, 1e12), 1e12)
-    shrink = 1 / (1 + chi2 / LOSS_WIDTH**2)
-    # Invalid people weigh nothing, but cost the full loss: no camera may win by losing people.
-    robust = np.where(predicted.valid, shrink**2, 0.0)
-    loss = float(problem.weight @ (LOSS_WIDTH**2 * (1 - shrink)))
+    inlier, upright, push, loss = _mixture(residual, predicted.valid, along, across, noise)
+    cost = float(problem.weight @ loss)
+    residual = np.where(predicted.valid, residual, 0.0)
+    weight = problem.weight * np.stack([inlier, upright])
+    force = weight * residual
+    force[0] -= problem.weight * push
     gap = state.parameters - problem.prior.mean
-    cost = loss + float((problem.prior.precision * gap**2).sum())
-    height_shrink = 1 / (1 + (state.delta_m / (LOSS_WIDTH * noise.height_m)) ** 2)
-    cost += LOSS_WIDTH**2 * float((1 - height_shrink).sum())
+    cost += float((problem.prior.precision * gap**2).sum())
+    height_shrink = 1 / (1 + (state.delta_m / (HEIGHT_LOSS_WIDTH * noise.height_m)) ** 2)
+    cost += HEIGHT_LOSS_WIDTH**2 * float((1 - height_shrink).sum())
     terms = None
     if problem.lines is not None:
         terms = line_terms(np.append(state.parameters, state.azimuth), problem.lines)
         cost += terms.cost
     ok = predicted.valid
     return Linearisation(
-        np.where(ok, residual, 0.0),
+        residual,
         np.where(ok, in_sigmas(predicted.by_parameter), 0.0),
         np.where(ok & ~problem.lone, in_sigmas(predicted.by_height), 0.0),
-        robust,
+        inlier,
+        weight,
+        force,
         height_shrink**2,
         cost,
         terms,
     )
+
+
+def _spreads(problem: Problem, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviations of log length and direction of every person (n,)."""
+    box = problem.points.from_box
+    along = np.where(box, noise.box_along, noise.along)
+    height = noise.height_m / problem.person_height_m
+    along = np.where(problem.lone, np.hypot(along, height), along)
+    return along, np.where(box, noise.box_across, noise.across)
+
+
+def _mixture(
+    residual: np.ndarray, valid: np.ndarray, along: np.ndarray, across: np.ndarray, noise: Noise
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Per person: probability of being as modelled, of being upright, the push of the soft edge
+    of "too short" on a, and ``-2 log p``.
+
+    People whose prediction is invalid are strays: no camera may win by losing people.
+    """
+    a = np.where(valid, np.clip(residual[0], -1e3, 1e3), -1e3)
+    a2, c2 = a * a, np.where(valid, np.minimum(residual[1] ** 2, 1e6), 1e6)
+    flat_a = along * np.sqrt(2 * np.pi) / SHORT_RANGE
+    flat_c = across * np.sqrt(2 * np.pi) / TURN_RANGE
+    edge = np.minimum((a - _SHORT_FROM) / _SHORT_EDGE, 40.0)
+    below = 1 / (1 + np.exp(edge))  # 1 - logistic step
+    modelled = np.log(1 - noise.short - noise.stray) - (a2 + c2) / 2
+    short = np.log(noise.short * flat_a) - c2 / 2 + edge + np.log(np.maximum(below, 1e-300))
+    stray = np.log(noise.stray * flat_a * flat_c)
+    top = np.maximum(np.maximum(modelled, short), stray)
+    total = top + np.log(np.exp(modelled - top) + np.exp(short - top) + np.exp(stray - top))
+    inlier, too_short = np.exp(modelled - total), np.exp(short - total)
+    push = np.where(valid, too_short * below / _SHORT_EDGE, 0.0)
+    return inlier, inlier + too_short, push, -2 * total
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,14 +212,13 @@ class NormalEquations:
 
 def normal_equations(problem: Problem, state: State, lin: Linearisation) -> NormalEquations:
     """``Jᵀ W J`` with one Schur complement per track."""
-    weight = problem.weight * lin.robust
-    weighted = lin.by_parameter * weight
+    weighted = lin.by_parameter * lin.weight
     flat = lin.by_parameter.reshape(N_PARAMETERS, -1)
     hessian, gradient = np.zeros((_N, _N)), np.zeros(_N)
     camera = slice(0, N_PARAMETERS)
     hessian[camera, camera] = weighted.reshape(N_PARAMETERS, -1) @ flat.T
     hessian[camera, camera] += np.diag(problem.prior.precision)
-    gradient[camera] = (weighted * lin.residual).sum(axis=(1, 2))
+    gradient[camera] = (lin.by_parameter * lin.force).sum(axis=(1, 2))
     gradient[camera] += problem.prior.precision * (state.parameters - problem.prior.mean)
     if lin.lines is not None:
         pulled = lin.lines.derivative * lin.lines.weight
@@ -176,9 +228,9 @@ def normal_equations(problem: Problem, state: State, lin: Linearisation) -> Norm
     def per_track(values: np.ndarray) -> np.ndarray:
         return np.bincount(problem.track, values, problem.n_tracks)
 
-    stiffness = lin.height_robust / state.noise.height_m**2
-    information = per_track(weight * (lin.by_height**2).sum(axis=0)) + stiffness
-    height_gradient = per_track(weight * (lin.by_height * lin.residual).sum(axis=0))
+    stiffness = lin.height_weight / state.noise.height_m**2
+    information = per_track((lin.weight * lin.by_height**2).sum(axis=0)) + stiffness
+    height_gradient = per_track((lin.by_height * lin.force).sum(axis=0))
     height_gradient += stiffness * state.delta_m
     coupling = np.zeros((_N, problem.n_tracks))
     for row, values in enumerate(weighted):
@@ -234,60 +286,55 @@ def _damped_step(system: NormalEquations, free: np.ndarray, damping: float) -> n
 
 
 def updated_noise(problem: Problem, state: State) -> Noise:
-    """Noise and height spread that the residuals support, each with a prior worth 10 people.
+    """Noise, height spread and shares that the residuals support, each with a weak prior.
 
     A step of expectation-maximisation: a height that is only partly known hides part of the
     residual, which its posterior variance puts back. People seen once tell the sum of noise and
-    height spread alone; it is split in the proportion believed so far. Truncation and occlusion
-    only ever shorten a person, so the spread along it is read off those who are seen longer.
+    height spread alone; it is split in the proportion believed so far.
     """
     lin = linearise(problem, state)
     system = normal_equations(problem, state, lin)
-    weight = problem.weight * lin.robust
-    longer = lin.residual[0] <= 0
     noise, box, lone = state.noise, problem.points.from_box, problem.lone
     hidden = (1 / system.height_information)[problem.track] * lin.by_height[0] ** 2
-    along2, across2 = lin.residual[0] ** 2 * _UNSHRINK + hidden, lin.residual[1] ** 2 * _UNSHRINK
+    along2, across2 = lin.residual[0] ** 2 + hidden, lin.residual[1] ** 2
+    weight_along, weight_across = lin.weight
 
-    def spread(squares: np.ndarray, rows: np.ndarray, now: float, start: float) -> float:
+    def spread(
+        squares: np.ndarray, weight: np.ndarray, rows: np.ndarray, now: float, start: float
+    ) -> float:
         total, seen = float(weight[rows].sum()), float((weight * squares)[rows].sum())
         value = np.sqrt((_PRIOR_COUNT * start**2 + seen * now**2) / (_PRIOR_COUNT + total))
         return float(np.clip(value, *_NOISE_RANGE))
 
     first = Noise()
     tracked = np.zeros(problem.n_tracks, bool)
-    tracked[problem.track[~lone & (weight > 0.25)]] = True
-    trust = np.where(tracked, lin.height_robust, 0.0)
+    tracked[problem.track[~lone & (lin.inlier > 0.5)]] = True
+    trust = np.where(tracked, lin.height_weight, 0.0)
     height2 = float((trust * (state.delta_m**2 + 1 / system.height_information)).sum())
-    height2 += float((weight * along2)[lone & longer].sum()) * noise.height_m**2
-    count = _PRIOR_COUNT + float(trust.sum()) + float(weight[lone & longer].sum())
+    height2 += float((weight_along * along2)[lone].sum()) * noise.height_m**2
+    count = _PRIOR_COUNT + float(trust.sum()) + float(weight_along[lone].sum())
     height = np.sqrt((_PRIOR_COUNT * first.height_m**2 + height2) / count)
+    everybody = _PRIOR_COUNT + float(problem.weight.sum())
+    short = float((weight_across - weight_along).sum())
+    stray = float((problem.weight - weight_across).sum())
     return Noise(
-        along=spread(along2, ~box & longer, noise.along, first.along),
-        across=spread(across2, ~box, noise.across, first.across),
-        box_along=spread(along2, box & longer, noise.box_along, first.box_along),
-        box_across=spread(across2, box, noise.box_across, first.box_across),
-        pixel=noise.pixel,
+        along=spread(along2, weight_along, ~box, noise.along, first.along),
+        across=spread(across2, weight_across, ~box, noise.across, first.across),
+        box_along=spread(along2, weight_along, box, noise.box_along, first.box_along),
+        box_across=spread(across2, weight_across, box, noise.box_across, first.box_across),
         height_m=float(np.clip(height, *_HEIGHT_RANGE)),
+        short=(_PRIOR_COUNT * first.short + short) / everybody,
+        stray=(_PRIOR_COUNT * first.stray + stray) / everybody,
     )
 
 
-def _loss_constants() -> tuple[float, float]:
-    """For Gaussian residuals (|r|² ~ χ²₂): how much the robust weight shrinks the mean square,
-    and by how much ``(Jᵀ W J)⁻¹`` must be scaled to be the estimate's variance.
+def observed_weights(problem: Problem, lin: Linearisation) -> Float[np.ndarray, "2 n"]:
+    """Weights that give the information of the mixture instead of the least squares' one.
+
+    Not knowing who is an outlier costs information: where the probability is q, the second
+    derivative of ``-log p`` is ``q - q (1 - q) r²`` and not q (Louis 1982); averaged over people.
     """
-    s = np.linspace(0, 60, 60001)
-    density = 0.5 * np.exp(-s / 2)
-    c2 = LOSS_WIDTH**2
-    w = 1 / (1 + s / c2) ** 2
-    slope = -2 / c2 / (1 + s / c2) ** 3
-
-    def mean(values: np.ndarray) -> float:
-        return float(np.trapezoid(values * density, s))
-
-    unshrink = mean(w) / (mean(w * s) / 2)
-    psi2, bend = mean(w * w * s) / 2, mean(w + s * slope)
-    return unshrink, psi2 * mean(w) / bend**2
-
-
-_UNSHRINK, VARIANCE_FACTOR = _loss_constants()
+    share = lin.weight / np.maximum(problem.weight, 1e-12)
+    lost = (lin.weight * (1 - share) * np.minimum(lin.residual**2, 9.0)).sum(axis=1)
+    kept = 1 - lost / np.maximum(lin.weight.sum(axis=1), 1e-9)
+    return lin.weight * np.clip(kept, 0.3, 1.0)[:, None]

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 NO_DISTORTION: Float[np.ndarray, "5"] = np.zeros(5)
 NO_DISTORTION.setflags(write=False)
 
-_ITERATIONS = 30
+_ITERATIONS = 60
 _TOLERANCE = 1e-12
 
 
@@ -52,38 +52,81 @@ def distort(
     return _pixels(_distort_normalised(_normalise(uv, K), distortion)[0], K)
 
 
+def _fold_radius(d: np.ndarray) -> float:
+    """Radius at which the radial map stops growing; infinity where it never does.
+
+    With w = 1 / r² the slope's zeros are those of ``w³ + 3 k1 w² + 5 k2 w + 7 k3``, and the
+    largest positive one is the first fold.
+    """
+    roots = np.roots([1.0, 3 * d[0], 5 * d[1], 7 * d[4]])
+    real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
+    largest = float(real.max(initial=0.0))
+    return float(1 / np.sqrt(largest)) if largest > 0 else np.inf
+
+
+def _radial_inverse(r_d: np.ndarray, d: np.ndarray, fold: float) -> np.ndarray:
+    """Radii whose radial image is ``r_d``, or ``fold`` where it is out of reach.
+
+    Up to the fold the map grows, so Newton's method kept inside a bracket cannot miss.
+    """
+
+    def radial(r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        r2 = r * r
+        value = r * (1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4])))
+        return value, 1 + r2 * (3 * d[0] + r2 * (5 * d[1] + r2 * 7 * d[4]))
+
+    low, high = np.zeros_like(r_d), np.minimum(r_d, fold)
+    for _ in range(_ITERATIONS):
+        short = (radial(high)[0] < r_d) & (high < fold)
+        if not short.any():
+            break
+        high = np.where(short, np.minimum(2 * high, fold), high)
+    r = high
+    for _ in range(_ITERATIONS):
+        value, slope = radial(r)
+        far = value > r_d
+        low, high = np.where(far, low, r), np.where(far, r, high)
+        newton = r - (value - r_d) / slope
+        inside = (newton > low) & (newton < high)
+        step = np.where(inside, newton, (low + high) / 2) - r
+        r = r + step
+        if not np.any(np.abs(step) > _TOLERANCE):
+            break
+    return r
+
+
 def undistort(
     uv: Float[np.ndarray, "n 2"], K: Float[np.ndarray, "3 3"], distortion: Float[np.ndarray, "5"]
 ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
-    """Pixels of the real lens to undistorted pixels, by Newton's method.
+    """Pixels of the real lens to undistorted pixels, by Newton's method from the radial inverse.
 
     A pixel outside the range that the lens model can reach (beyond the fold of a strong barrel)
-    has no undistorted position: it is invalid.
+    has no undistorted position: it is invalid, also where the polynomial rises again behind the
+    fold and has a solution there.
     """
     if not np.any(distortion):
-        return uv.copy(), np.isfinite(uv).all(axis=1)
+        valid = np.isfinite(uv).all(axis=1)
+        return np.where(valid[:, None], uv, np.nan), valid
     target = _normalise(uv, K)
-    xy = target.copy()
+    fold = _fold_radius(distortion)
     with np.errstate(all="ignore"):
+        r_d = np.hypot(target[:, 0], target[:, 1])
+        gain = _radial_inverse(r_d, distortion, fold) / r_d
+        xy = target * np.where(r_d > 0, gain, 1.0)[:, None]
         for _ in range(_ITERATIONS):
             value, j = _distort_normalised(xy, distortion)
             gap = value - target
             det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
             step_x = (j[:, 1, 1] * gap[:, 0] - j[:, 0, 1] * gap[:, 1]) / det
             step_y = (j[:, 0, 0] * gap[:, 1] - j[:, 1, 0] * gap[:, 0]) / det
-            # Half the radius at most: a longer step jumps across the fold of the model.
-            length = np.hypot(step_x, step_y)
-            limit = np.minimum(1.0, (0.5 * np.hypot(xy[:, 0], xy[:, 1]) + 1e-3) / length)
-            limit = np.where(length > 0, limit, 0.0)
-            xy = xy - np.column_stack([step_x * limit, step_y * limit])
-            if not np.any(length > _TOLERANCE):
+            xy = xy - np.column_stack([step_x, step_y])
+            if not np.any(np.hypot(step_x, step_y) > _TOLERANCE):
                 break
         value, j = _distort_normalised(xy, distortion)
-        # Inside the fold the map keeps its orientation: positive determinant and trace.
+        # Before the fold the map keeps its orientation, so the determinant is positive.
         det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
-        valid = (
-            (np.abs(value - target).max(axis=1) < 1e-9) & (det > 0) & (j[:, 0, 0] + j[:, 1, 1] > 0)
-        )
+        on_branch = (np.hypot(xy[:, 0], xy[:, 1]) < fold) & (det > 0)
+        valid = on_branch & (np.abs(value - target).max(axis=1) < 1e-9)
     out = _pixels(xy, K)
     out[~valid] = np.nan
     return out, valid

@@ -1,16 +1,26 @@
 """The result of a calibration: a camera with its uncertainty, or the reason why there is none."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from scene4d.errors import InputError
+from scene4d.geometry import rotation_from_tilt_roll
 from scene4d.model.camera import SCHEMA, Camera
 from scene4d.model.people import Segments
 
-PARAMETERS: tuple[str, ...] = ("log_focal", "tilt_rad", "roll_rad", "log_height", "k1")
-"""Order of the covariance's rows: log f, tilt, roll, log C_Z, first radial coefficient."""
+PARAMETERS: tuple[str, ...] = (
+    "log_focal",
+    "tilt_rad",
+    "roll_rad",
+    "log_height",
+    "corner_distortion",
+)
+"""Order of the covariance's rows: log f, tilt, roll, log C_Z, and the fraction D by which the lens
+displaces the image's corner: ``k1 = D (f / half diagonal)²``, so that D does not move with f."""
+_STEP = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,6 +30,7 @@ class Calibration:
     ``covariance`` is that of :data:`PARAMETERS` (5x5, zero rows for what was held fixed).
     ``inlier`` and ``residual`` belong to the rows of ``segments``; ``residual`` is the distance
     between the seen and the predicted head, as a fraction of the person's length in the image.
+    ``segments`` are in pixels of the footage as decoded.
     """
 
     status: str
@@ -62,6 +73,58 @@ class Calibration:
             "roll_deg": float(np.degrees(s[2])),
             "height_m": float(self.camera.height_m * s[3]),
         }
+
+    def disturbed(self, step: Float[np.ndarray, "5"]) -> Camera:
+        """The camera with its :data:`PARAMETERS` moved by ``step``; raises without a camera."""
+        camera = self._camera()
+        d_log_f, d_tilt, d_roll, d_log_h, d_corner = step
+        stretch = np.exp(d_log_f)
+        K = camera.K.copy()
+        K[0, :2] *= stretch
+        K[1, 1] *= stretch
+        # The lens bends by position on the sensor, so its coefficients move with the focal length.
+        distortion = camera.distortion * stretch ** np.array([2, 4, 1, 1, 6])
+        half_diagonal = np.hypot(*camera.image_size) / 2
+        distortion[0] += d_corner * (K[0, 0] / half_diagonal) ** 2
+        R = rotation_from_tilt_roll(camera.tilt_rad + d_tilt, camera.roll_rad + d_roll)
+        height = camera.height_m * np.exp(d_log_h)
+        return replace(camera, K=K, distortion=distortion, R=R, t=-R @ np.array([0.0, 0.0, height]))
+
+    def ground_covariance(
+        self, uv: Float[np.ndarray, "n 2"]
+    ) -> tuple[Float[np.ndarray, "n 2 2"], Bool[np.ndarray, "n"]]:
+        """Covariance (m²) of ground points seen at pixels ``uv`` of the footage, from the camera's.
+
+        First-order propagation by central differences, in the world of the camera (origin below
+        it, heading along +Y). Invalid (NaN) at and above the horizon. Raises without a camera.
+        """
+        camera = self._camera()
+        covariance = np.zeros((5, 5)) if self.covariance is None else self.covariance
+        undistorted, seen = camera.undistort(uv)
+        valid = camera.locate(undistorted)[1] & seen
+        columns = []
+        for index in range(len(PARAMETERS)):
+            ends = []
+            for sign in (-1, 1):
+                step = np.zeros(5)
+                step[index] = sign * _STEP
+                other = self.disturbed(step)
+                xy, ok = other.locate(other.undistort(uv)[0])
+                valid &= ok
+                ends.append(xy)
+            columns.append((ends[1] - ends[0]) / (2 * _STEP))
+        jacobian = np.stack(columns, axis=-1)
+        jacobian[~valid] = np.nan
+        return jacobian @ covariance @ np.swapaxes(jacobian, -1, -2), valid
+
+    def ground_sigma_m(self, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
+        """Root-mean-square error (m) of the ground position at pixels of the footage, or NaN."""
+        return np.sqrt(np.trace(self.ground_covariance(uv)[0], axis1=1, axis2=2))
+
+    def _camera(self) -> Camera:
+        if self.camera is None:
+            raise InputError(f"there is no camera: {self.reason or 'calibration undetermined'}")
+        return self.camera
 
     def to_dict(self) -> dict[str, Any]:
         """The content of ``camera.json``."""

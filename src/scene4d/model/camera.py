@@ -15,15 +15,24 @@ from scene4d.errors import InputError, OutputError
 
 SCHEMA = "scene4d/camera/1"
 ASPECT_TOLERANCE = 0.01
+_SHAPES = {"K": (3, 3), "distortion": (5,), "R": (3, 3), "t": (3,)}
 
 
 def _frozen(values: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
-    array = np.array(values, dtype=float)
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        array = np.empty(())
     if array.shape != shape or not np.isfinite(array).all():
         wanted = "x".join(map(str, shape))
         raise InputError(f"{name} must be {wanted} finite numbers, found {values!r}")
     array.setflags(write=False)
     return array
+
+
+def _check_size(image_size: tuple[int, int]) -> None:
+    if min(image_size) < 1:
+        raise InputError(f"image_size must be positive, found {image_size}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +52,12 @@ class Lens:
         object.__setattr__(self, "distortion", _frozen(self.distortion, (5,), "distortion"))
         if self.K[0, 0] <= 0 or self.K[1, 1] <= 0:
             raise InputError(f"K must have positive focal lengths, found {self.K.diagonal()[:2]}")
-        if min(self.image_size) < 1:
-            raise InputError(f"image_size must be positive, found {self.image_size}")
+        if np.any(self.K[[1, 2, 2], [0, 0, 1]]) or self.K[2, 2] != 1:
+            raise InputError(
+                "K must be upper triangular with last row 0 0 1 (pixel = K x / z), "
+                f"found {self.K.tolist()}"
+            )
+        _check_size(self.image_size)
 
     def scaled_to(self, image_size: tuple[int, int]) -> "Lens":
         """The same lens for frames of another size; raises where the aspect differs by over 1 %.
@@ -53,6 +66,7 @@ class Lens:
         """
         if image_size == self.image_size:
             return self
+        _check_size(image_size)
         sx, sy = image_size[0] / self.image_size[0], image_size[1] / self.image_size[1]
         if abs(sx / sy - 1) > ASPECT_TOLERANCE:
             raise InputError(
@@ -185,21 +199,23 @@ class Camera(Lens):
             values = json.loads(path.read_text(encoding="utf-8"))
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise InputError(f"{path}: is not JSON: {error}") from error
         if not isinstance(values, dict) or values.get("schema") != SCHEMA:
             raise InputError(f'{path}: field "schema" must be "{SCHEMA}"')
         if values.get("status", "ok") != "ok":
             raise InputError(f"{path}: holds no camera: {values.get('reason', 'undetermined')}")
         try:
-            width, height = (int(x) for x in values["image_size"])
+            size = values["image_size"]
+            if not (isinstance(size, list) and [type(x) for x in size] == [int, int]):
+                raise InputError(f"image_size must be [width, height] in pixels, found {size!r}")
             return cls(
-                image_size=(width, height),
-                **{name: np.array(values[name], float) for name in ("K", "distortion", "R", "t")},
+                image_size=(size[0], size[1]),
+                **{name: _frozen(values[name], shape, name) for name, shape in _SHAPES.items()},
             )
         except KeyError as error:
             raise InputError(f"{path}: field {error} is missing") from error
-        except (TypeError, ValueError, OverflowError) as error:
+        except InputError as error:
             raise InputError(f"{path}: {error}") from error
 
     def save(self, path: str | os.PathLike[str]) -> None:

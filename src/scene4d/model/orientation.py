@@ -4,12 +4,20 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from scene4d.errors import InputError
 
 _FIELDS = ("focal_px", "tilt_deg", "roll_deg")
+
+
+def _number(name: str, value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"orientation: {name} must be a number, found {value!r}") from None
 
 
 @dataclass(frozen=True)
@@ -31,10 +39,14 @@ class Orientation:
             raise InputError(f"orientation: focal_px must be positive, found {self.focal_px}")
         for name in ("tilt_rad", "roll_rad"):
             if not abs(getattr(self, name)) <= np.pi:
-                raise InputError(f"orientation: {name} must lie within ±π")
+                raise InputError(
+                    f"orientation: {name} must lie within ±π (180°), found {getattr(self, name)}"
+                )
         for name in ("focal_sigma_px", "tilt_sigma_rad", "roll_sigma_rad"):
             if not getattr(self, name) >= 0:
-                raise InputError(f"orientation: {name} must be 0 or more")
+                raise InputError(
+                    f"orientation: {name} must be 0 or more, found {getattr(self, name)}"
+                )
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Orientation":
@@ -48,11 +60,11 @@ class Orientation:
             values = json.loads(path.read_text(encoding="utf-8"))
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise InputError(f"{path}: is not JSON: {error}") from error
         if not isinstance(values, dict):
             raise InputError(f"{path}: expected an object with {', '.join(_FIELDS)}")
-        sigma = values.get("sigma") or {}
+        sigma = {} if values.get("sigma") is None else values["sigma"]
         unknown = set(values) - {*_FIELDS, "sigma", "vfov_deg", "frames"}
         if not isinstance(sigma, dict):
             raise InputError(f"{path}: field 'sigma' must be an object")
@@ -60,14 +72,11 @@ class Orientation:
         if unknown:
             raise InputError(f"{path}: unknown field {sorted(unknown)[0]!r}; known: {_FIELDS}")
         try:
-            numbers = [float(values[name]) for name in _FIELDS]
-            spread = [float(sigma.get(name, 0.0)) for name in _FIELDS]
+            numbers = [_number(name, values[name]) for name in _FIELDS]
+            spread = [_number(f"sigma {name}", sigma.get(name, 0.0)) for name in _FIELDS]
+            scale = np.array([1.0, np.pi / 180, np.pi / 180])
+            return cls(*(numbers * scale), *(spread * scale))
         except KeyError as error:
             raise InputError(f"{path}: field {error} is missing") from error
-        except (TypeError, ValueError) as error:
-            raise InputError(f"{path}: {error}") from error
-        scale = np.array([1.0, np.pi / 180, np.pi / 180])
-        try:
-            return cls(*(numbers * scale), *(spread * scale))
         except InputError as error:
             raise InputError(f"{path}: {error}") from error

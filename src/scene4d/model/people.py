@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -19,6 +20,17 @@ HALPE26: tuple[str, ...] = (
 """Names of the 26 Halpe keypoints, in order."""
 COCO17: tuple[str, ...] = HALPE26[:17]
 """Names of the 17 COCO keypoints, in order."""
+
+
+def _array_names(table: Any) -> list[str]:
+    return [f.name for f in fields(table) if isinstance(getattr(table, f.name), np.ndarray)]
+
+
+def _check_rows(table: Any, what: str) -> None:
+    n = len(table.frame)
+    for name in _array_names(table):
+        if len(getattr(table, name)) != n:
+            raise InputError(f"{what}: {name} has {len(getattr(table, name))} rows, not {n}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +54,14 @@ class Detections:
     keypoint_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        n = len(self.frame)
-        for name in ("time_s", "box_xyxy", "score", "track", "class_name", "keypoint_uv"):
-            if len(getattr(self, name)) != n:
-                raise InputError(f"detections: {name} has {len(getattr(self, name))} rows, not {n}")
-        if self.keypoint_uv.shape[1] != len(self.keypoint_names):
-            raise InputError("detections: keypoint_uv and keypoint_names disagree")
+        _check_rows(self, "detections")
+        for name in ("keypoint_uv", "keypoint_score"):
+            found = getattr(self, name).shape[1]
+            if found != len(self.keypoint_names):
+                raise InputError(
+                    f"detections: {name} holds {found} keypoints, "
+                    f"keypoint_names {len(self.keypoint_names)}"
+                )
 
     @classmethod
     def from_boxes(
@@ -70,14 +84,14 @@ class Detections:
             image_size=image_size,
             frame=np.asarray(frame, np.int64),
             time_s=np.full(n, np.nan) if time_s is None else np.asarray(time_s, float),
-            box_xyxy=np.asarray(box_xyxy, float).reshape(n, 4),
+            box_xyxy=np.asarray(box_xyxy, float).reshape(-1, 4),
             score=np.ones(n) if score is None else np.asarray(score, float),
             track=np.full(n, -1) if track is None else np.asarray(track, np.int64),
             class_name=np.full(n, "person") if class_name is None else np.asarray(class_name),
-            keypoint_uv=np.empty((n, len(keypoint_names), 2))
+            keypoint_uv=np.full((n, len(keypoint_names), 2), np.nan)
             if keypoint_uv is None
             else np.asarray(keypoint_uv, float),
-            keypoint_score=np.empty((n, len(keypoint_names)))
+            keypoint_score=np.zeros((n, len(keypoint_names)))
             if keypoint_score is None
             else np.asarray(keypoint_score, float),
             keypoint_names=keypoint_names,
@@ -88,11 +102,7 @@ class Detections:
 
     def select(self, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> "Detections":
         """The given rows, as a mask or as indices."""
-        return replace(self, **{
-            f.name: getattr(self, f.name)[rows]
-            for f in fields(self)
-            if isinstance(getattr(self, f.name), np.ndarray)
-        })  # fmt: skip
+        return replace(self, **{name: getattr(self, name)[rows] for name in _array_names(self)})
 
     @classmethod
     def concatenate(cls, parts: Sequence["Detections"]) -> "Detections":
@@ -102,10 +112,12 @@ class Detections:
         first = parts[0]
         if any(p.image_size != first.image_size for p in parts):
             raise InputError("detections: the parts differ in image_size")
-        arrays = [f.name for f in fields(cls) if isinstance(getattr(first, f.name), np.ndarray)]
-        return replace(
-            first, **{name: np.concatenate([getattr(p, name) for p in parts]) for name in arrays}
-        )
+        if any(p.keypoint_names != first.keypoint_names for p in parts):
+            raise InputError("detections: the parts differ in keypoint_names")
+        joined: dict[str, Any] = {
+            name: np.concatenate([getattr(p, name) for p in parts]) for name in _array_names(first)
+        }
+        return replace(first, **joined)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +137,9 @@ class Segments:
     score: Float[np.ndarray, "n"]
     box_xyxy: Float[np.ndarray, "n 4"]
     from_box: Bool[np.ndarray, "n"]
+
+    def __post_init__(self) -> None:
+        _check_rows(self, "segments")
 
     @classmethod
     def from_points(

@@ -1,0 +1,78 @@
+# Two commands do all the set-up on a machine with python3 (venv, pip), make and apt:
+#   make demo    calibrate the sample video and say where the report lies
+#   make test    lint, types, layers and tests, as .ci/run does
+# Another Python: make test PYTHON=python3.12      Another place: make test VENV=/tmp/env
+
+PYTHON ?= python3
+VENV := .venv
+JOBS := 2
+
+BIN := $(VENV)/bin
+PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
+# A stamp stands only while the environment is whole: every rule below takes both away before pip
+# starts and puts its own back at its end. Another version of Python finds no stamp and starts anew.
+RUNTIME := $(VENV)/.runtime-$(PYTHON_VERSION)
+DEV := $(VENV)/.dev-$(PYTHON_VERSION)
+
+# Exact versions everywhere, in the isolated build too (newer pips read only the second variable
+# there). No byte code: it is an eighth of the room, and Python writes what is used. The option, not
+# its variable: pip takes PIP_NO_COMPILE=1 for "compile".
+export PIP_CONSTRAINT := constraints.txt
+export PIP_BUILD_CONSTRAINT := constraints.txt
+export PIP_NO_INPUT := 1
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export PIP_ROOT_USER_ACTION := ignore
+INSTALL := $(BIN)/python -m pip --quiet install --no-compile
+
+.PHONY: help demo test lint types layers pytest format install-size clean
+.DELETE_ON_ERROR:
+
+help:
+	@sed -n 's/^# \{0,1\}//;1,4p' $(firstword $(MAKEFILE_LIST))
+
+demo: $(RUNTIME)
+	$(BIN)/scene4d demo
+
+test: lint types layers pytest
+
+lint: $(DEV)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(DEV)
+	$(BIN)/mypy
+
+layers: $(DEV)
+	$(BIN)/lint-imports
+
+pytest: $(DEV)
+	$(BIN)/python -m pytest -n $(JOBS)
+
+format: $(DEV)
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+install-size:
+	$(PYTHON) benchmarks/install_size.py
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+
+$(RUNTIME): pyproject.toml constraints.txt
+	@case "$(PYTHON_VERSION)" in 3.11|3.12|3.13) ;; \
+	"") echo >&2 "$(PYTHON) does not run: install python3, or name one: make PYTHON=python3.12"; exit 1 ;; \
+	*) echo >&2 "scene4d needs Python 3.11 to 3.13 and $(PYTHON) is $(PYTHON_VERSION): name another, as in make PYTHON=python3.12"; exit 1 ;; esac
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
+	echo >&2 "$(PYTHON) has no venv module: apt-get install python3-venv (or python$(PYTHON_VERSION)-venv)"; exit 1; }
+	@echo "installing scene4d into $(VENV) (once; about 600 MB)"
+	@rm -rf $(VENV)
+	@$(PYTHON) -m venv $(VENV)
+	@$(INSTALL) pip
+	@$(INSTALL) --editable .
+	@touch $@
+
+$(DEV): $(RUNTIME)
+	@echo "adding the development tools to $(VENV)"
+	@rm -f $(RUNTIME) $(DEV)
+	@$(INSTALL) --group dev
+	@touch $(RUNTIME) $(DEV)

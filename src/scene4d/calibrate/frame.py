@@ -1,0 +1,67 @@
+"""The image frame in which a camera is solved: centred, square pixels, half diagonals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from scene4d import geometry
+from scene4d.calibrate.body import CORNER, FOCAL, HEIGHT, ROLL, TILT, Points
+from scene4d.model import Camera, Lens, Segments
+
+
+@dataclass(frozen=True, eq=False)
+class ImageFrame:
+    """How pixels become the solver's numbers, and its parameters a camera.
+
+    ``lens`` holds the known intrinsics, or None: then the principal point is the image centre,
+    pixels are square, and the lens is the solver's one radial coefficient.
+    """
+
+    image_size: tuple[int, int]
+    lens: Lens | None = None
+
+    @property
+    def half_diagonal_px(self) -> float:
+        """Half the diagonal of the image, the solver's unit of length."""
+        return float(np.hypot(*self.image_size) / 2)
+
+    @property
+    def centre_uv(self) -> Float[np.ndarray, "2"]:
+        """Principal point in pixels."""
+        if self.lens is not None:
+            return self.lens.K[:2, 2]
+        return (np.array(self.image_size, float) - 1) / 2
+
+    @property
+    def aspect(self) -> float:
+        """``fy / fx``: how much taller than wide a pixel's image is."""
+        return 1.0 if self.lens is None else float(self.lens.K[1, 1] / self.lens.K[0, 0])
+
+    def normalised(self, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "2 n"]:
+        """Undistorted (or, without a lens, footage) pixels to the solver's frame."""
+        scale = np.array([1.0, 1 / self.aspect]) / self.half_diagonal_px
+        return np.ascontiguousarray(((uv - self.centre_uv) * scale).T)
+
+    def points(self, segments: Segments, foot_height_m: float) -> Points:
+        """The solver's view of segments given in footage pixels; unseen ends become NaN."""
+        ends = []
+        for uv in (segments.foot_uv, segments.head_uv):
+            ends.append(self.normalised(uv if self.lens is None else self.lens.undistort(uv)[0]))
+        return Points(ends[0], ends[1], segments.from_box, foot_height_m)
+
+    def camera(self, parameters: Float[np.ndarray, "5"]) -> Camera:
+        """The camera of a parameter vector (log f, tilt, roll, log h, D)."""
+        focal = np.exp(parameters[FOCAL]) * self.half_diagonal_px
+        K = np.array([[focal, 0, 0], [0, focal * self.aspect, 0], [0, 0, 1.0]])
+        K[:2, 2] = self.centre_uv
+        if self.lens is None:
+            distortion = np.zeros(5)
+            distortion[0] = parameters[CORNER] * np.exp(2 * parameters[FOCAL])
+        else:
+            # The lens bends by position on the sensor: rescale its coefficients to this focal.
+            stretch = focal / self.lens.K[0, 0]
+            distortion = self.lens.distortion * stretch ** np.array([2, 4, 1, 1, 6])
+        R = geometry.rotation_from_tilt_roll(parameters[TILT], parameters[ROLL])
+        t = -R @ np.array([0.0, 0.0, np.exp(parameters[HEIGHT])])
+        return Camera(self.image_size, K, distortion, R, t)

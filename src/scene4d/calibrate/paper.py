@@ -1,0 +1,98 @@
+"""The paper's method: camera height from boxes, orientation given (Wagner et al. 2019)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from scene4d.calibrate.consensus import (
+    TOLERANCE_PX,
+    exact_consensus,
+    inlier_intervals,
+    ransac_consensus,
+)
+from scene4d.calibrate.linear import height_system
+from scene4d.errors import InputError
+from scene4d.geometry import rotation_from_tilt_roll
+from scene4d.model import Orientation
+
+CONSENSUS = ("exact", "ransac")
+
+
+@dataclass(frozen=True, eq=False)
+class PaperSolution:
+    """Camera height (m) with the people who agree, and its relative standard deviation."""
+
+    height_m: float
+    relative_sigma: float
+    inlier: Bool[np.ndarray, "n"]
+
+
+def solve_paper(
+    foot_uv: Float[np.ndarray, "n 2"],
+    head_uv: Float[np.ndarray, "n 2"],
+    K: Float[np.ndarray, "3 3"],
+    orientation: Orientation,
+    *,
+    person_height_m: float,
+    person_sigma_m: float,
+    track: Int[np.ndarray, "n"],
+    tolerance_px: float = TOLERANCE_PX,
+    consensus: str = "exact",
+    seed: int = 0,
+) -> PaperSolution:
+    """Height by consensus at ``tolerance_px`` and least squares over the inliers.
+
+    Points are undistorted pixels, feet at Z = 0 and heads at ``person_height_m``. The spread
+    counts a track once, and adds that of the orientation where it is given. Raises
+    :class:`InputError` where nobody agrees with any height, or for an unknown ``consensus``.
+    """
+    if consensus not in CONSENSUS:
+        raise InputError(f"consensus must be one of {CONSENSUS}, found {consensus!r}")
+    R = rotation_from_tilt_roll(orientation.tilt_rad, orientation.roll_rad)
+    intervals = inlier_intervals(K, R, foot_uv, head_uv, person_height_m, tolerance_px)
+    system = height_system(K, R, foot_uv, head_uv, person_height_m)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        own = system.information / system.moment
+    if consensus == "exact":
+        inlier = exact_consensus(intervals)
+    else:
+        inlier = ransac_consensus(intervals, own, rng=np.random.default_rng(seed))
+    if not inlier.any():
+        raise InputError("no person agrees with any camera height at the given orientation")
+    height = system.solve(inlier)
+    return PaperSolution(
+        height_m=height,
+        relative_sigma=_relative_sigma(
+            foot_uv[inlier], head_uv[inlier], K, orientation, person_height_m, person_sigma_m,
+            track[inlier], 1 / own[inlier], height,
+        ),
+        inlier=inlier,
+    )  # fmt: skip
+
+
+def _relative_sigma(
+    foot: np.ndarray, head: np.ndarray, K: np.ndarray, orientation: Orientation,
+    person_height_m: float, person_sigma_m: float, track: np.ndarray, own_height_m: np.ndarray,
+    height_m: float,
+) -> float:  # fmt: skip
+    """Of people's own answers about their mean (by track), of body heights, of the orientation."""
+    people = len(np.unique(track[track >= 0])) + int((track < 0).sum())
+    spread = 1.4826 * float(np.median(np.abs(own_height_m / height_m - 1)))
+    variance = (spread**2 + (person_sigma_m / person_height_m) ** 2) / people
+    for name in ("focal", "tilt", "roll"):
+        sigma = getattr(orientation, f"{name}_sigma_{'px' if name == 'focal' else 'rad'}")
+        if not (0 < sigma < np.inf):
+            continue
+        heights = []
+        for sign in (-0.5, 0.5):
+            shifted = K.copy()
+            tilt, roll = orientation.tilt_rad, orientation.roll_rad
+            if name == "focal":
+                shifted[[0, 1], [0, 1]] *= 1 + sign * sigma / orientation.focal_px
+            tilt += sign * sigma * (name == "tilt")
+            roll += sign * sigma * (name == "roll")
+            R = rotation_from_tilt_roll(tilt, roll)
+            heights.append(height_system(shifted, R, foot, head, person_height_m).solve())
+        variance += ((heights[1] - heights[0]) / height_m) ** 2
+    return float(np.sqrt(variance))

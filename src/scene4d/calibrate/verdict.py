@@ -1,0 +1,83 @@
+"""Whether a solution may be called a camera, and what to warn of; every refusal has its reason."""
+
+import numpy as np
+from jaxtyping import Float
+
+from scene4d.calibrate.body import FOCAL, Points
+from scene4d.calibrate.prior import Prior
+
+MIN_PEOPLE = 3
+"""Fewer people than this leave the camera to the prior."""
+MAX_GROUND_ERROR = 0.35
+"""Predicted position error over distance, in the median, above which a camera is no use."""
+MAX_FOCAL_SIGMA = 0.45
+"""Relative focal length error above which the scene's shape is unknown."""
+MIN_INLIERS = 0.3
+"""Share of people as modelled below which the picture is not of upright people on a plane."""
+
+
+def refusal(
+    points: Points,
+    prior: Prior,
+    covariance: Float[np.ndarray, "5 5"],
+    relative_ground_error: float,
+    inlier_share: float,
+) -> str | None:
+    """Why the camera is undetermined and what would determine it, or None where it is."""
+    focal_sigma = float(np.sqrt(covariance[FOCAL, FOCAL]))
+    if inlier_share < MIN_INLIERS:
+        return (
+            f"only {inlier_share:.0%} of the people agree with one camera over one flat ground; "
+            "needed: people who stand upright on the same plane, or a lens file if the lens "
+            "bends strongly"
+        )
+    vague = focal_sigma > MAX_FOCAL_SIGMA
+    if (
+        not vague
+        and np.isfinite(relative_ground_error)
+        and relative_ground_error <= MAX_GROUND_ERROR
+    ):
+        return None
+    size = np.hypot(*(points.head - points.foot))
+    size_ratio = float(np.quantile(size, 0.95) / np.quantile(size, 0.05))
+    reach = float(np.ptp(points.foot, axis=1).max() / np.median(size))
+    if reach < 1.0:
+        where = "all people stand in one spot"
+        needed = "people in other places of the picture, near and far"
+    elif size_ratio < 1.25:
+        where = "all people are at one distance from the camera"
+        needed = "people who also walk nearer to the camera and farther from it"
+    else:
+        where = "the people seen are too few, or too alike in size and place"
+        needed = "more people, nearer and farther and to both sides"
+    what = (
+        f"the focal length is not determined (± {focal_sigma:.0%})"
+        if vague
+        else f"positions on the ground would be wrong by {relative_ground_error:.0%} of the distance"
+    )
+    hint = " or a lens file (--lens)" if prior.sigma[FOCAL] > 0 else ""
+    return f"{what}: {where}; needed: {needed}{hint}"
+
+
+def warnings(
+    n_people: int, n_tracks: int, inlier_share: float, prior: Prior,
+    covariance: Float[np.ndarray, "5 5"],
+) -> list[str]:  # fmt: skip
+    """What a reader of an accepted camera should know, in sentences."""
+    said = []
+    if n_tracks < 10:
+        said.append(
+            f"The camera rests on {n_tracks} different people; with ten or more the scale of the "
+            "scene would depend less on how tall they happen to be."
+        )
+    if inlier_share < 0.6:
+        said.append(
+            f"Only {inlier_share:.0%} of the {n_people} sightings agree with the camera; look at "
+            "the blue ones in the picture."
+        )
+    if prior.sigma[FOCAL] > 0 and covariance[FOCAL, FOCAL] > 0.15**2:
+        said.append(
+            f"The focal length is known to ± {np.sqrt(covariance[FOCAL, FOCAL]):.0%} only; "
+            "a lens file (--lens) or people nearer and farther would pin it down."
+        )
+    return said
