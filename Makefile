@@ -68,6 +68,7 @@ $(RUNTIME): pyproject.toml constraints.txt
 	@rm -rf $(VENV)
 	@$(PYTHON) -m venv $(VENV)
 	@$(INSTALL) pip
+	@$(BIN)/python -m pip --quiet uninstall --yes setuptools  # Python 3.11 brings it; nothing here uses it
 	@$(INSTALL) --editable .
 	@touch $@
 

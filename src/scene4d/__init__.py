@@ -1,1 +1,43 @@
-"""Turn a fixed camera into a metric sensor."""
+"""Turn a fixed camera into a metric sensor, from the people who walk through its own footage.
+
+``scene4d.calibrate(source)`` calibrates from footage, ``scene4d.solve_camera(foot_uv, head_uv,
+image_size=...)`` from points, ``scene4d.Camera`` projects and locates. Everything is loaded when
+it is first used, so that importing the package costs nothing.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from scene4d.calibration import solve_camera as solve_camera
+    from scene4d.model import Calibration as Calibration
+    from scene4d.model import Camera as Camera
+    from scene4d.model import Lens as Lens
+    from scene4d.model import Orientation as Orientation
+    from scene4d.pipeline import calibrate as calibrate
+
+_WHERE = {
+    "Calibration": "scene4d.model",
+    "Camera": "scene4d.model",
+    "Lens": "scene4d.model",
+    "Orientation": "scene4d.model",
+    "calibrate": "scene4d.pipeline",
+    "read_camera": "scene4d.formats.cameras",
+    "solve_camera": "scene4d.calibration",
+    "write_camera": "scene4d.formats.cameras",
+}
+
+__all__ = sorted(_WHERE)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module 'scene4d' has no attribute {name!r}")
+    from importlib import import_module
+
+    value = getattr(import_module(_WHERE[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_WHERE})

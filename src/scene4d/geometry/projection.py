@@ -26,9 +26,10 @@ def project(
     ``P`` must be ``K [R | t]`` with ``K[2] = (0, 0, 1)``, so that the third homogeneous
     coordinate is the depth in metres.
     """
-    homogeneous = xyz_m @ P[:, :3].T + P[:, 3]
+    with np.errstate(all="ignore"):  # points that are not finite are invalid
+        homogeneous = xyz_m @ P[:, :3].T + P[:, 3]
     depth = homogeneous[:, 2]
-    valid = depth > MIN_DEPTH_M
+    valid = (depth > MIN_DEPTH_M) & np.isfinite(homogeneous).all(axis=1)
     uv = np.full((len(xyz_m), 2), np.nan)
     np.divide(homogeneous[:, :2], depth[:, None], out=uv, where=valid[:, None])
     return uv, valid
@@ -48,12 +49,16 @@ def locate(
     u, v = uv[:, 0], uv[:, 1]
     offset = P[:, 2][:, None] * np.broadcast_to(np.asarray(height_m, float), u.shape)
     offset = offset + P[:, 3][:, None]
-    a, b = P[0, 0] - u * P[2, 0], P[0, 1] - u * P[2, 1]
-    c, d = P[1, 0] - v * P[2, 0], P[1, 1] - v * P[2, 1]
-    e, f = u * offset[2] - offset[0], v * offset[2] - offset[1]
-    det = a * d - b * c
-    scale = np.abs(a * d) + np.abs(b * c)
-    solvable = np.isfinite(det) & (np.abs(det) > 1e-12 * scale)
+    with np.errstate(all="ignore"):  # pixels that are not finite are invalid
+        a, b = P[0, 0] - u * P[2, 0], P[0, 1] - u * P[2, 1]
+        c, d = P[1, 0] - v * P[2, 0], P[1, 1] - v * P[2, 1]
+        e, f = u * offset[2] - offset[0], v * offset[2] - offset[1]
+        det = a * d - b * c
+        # What cancels in a, b, c, d leaves noise of this scale: on the horizon det is only that.
+        size_u = np.abs(P[0, :2, None]) + np.abs(u * P[2, :2, None])
+        size_v = np.abs(P[1, :2, None]) + np.abs(v * P[2, :2, None])
+        scale = size_u[0] * size_v[1] + size_u[1] * size_v[0]
+        solvable = np.isfinite(det) & (np.abs(det) > 1e-12 * scale)
     xy = np.full((len(uv), 2), np.nan)
     np.divide(e * d - b * f, det, out=xy[:, 0], where=solvable)
     np.divide(a * f - e * c, det, out=xy[:, 1], where=solvable)

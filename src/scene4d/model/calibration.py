@@ -1,13 +1,12 @@
 """The result of a calibration: a camera with its uncertainty, or the reason why there is none."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from scene4d.errors import InputError
-from scene4d.geometry import rotation_from_tilt_roll
 from scene4d.model.camera import SCHEMA, Camera
 from scene4d.model.people import Segments
 
@@ -74,52 +73,59 @@ class Calibration:
             "height_m": float(self.camera.height_m * s[3]),
         }
 
-    def disturbed(self, step: Float[np.ndarray, "5"]) -> Camera:
-        """The camera with its :data:`PARAMETERS` moved by ``step``; raises without a camera."""
-        camera = self._camera()
-        d_log_f, d_tilt, d_roll, d_log_h, d_corner = step
-        stretch = np.exp(d_log_f)
-        K = camera.K.copy()
-        K[0, :2] *= stretch
-        K[1, 1] *= stretch
-        # The lens bends by position on the sensor, so its coefficients move with the focal length.
-        distortion = camera.distortion * stretch ** np.array([2, 4, 1, 1, 6])
-        half_diagonal = np.hypot(*camera.image_size) / 2
-        distortion[0] += d_corner * (K[0, 0] / half_diagonal) ** 2
-        R = rotation_from_tilt_roll(camera.tilt_rad + d_tilt, camera.roll_rad + d_roll)
-        height = camera.height_m * np.exp(d_log_h)
-        return replace(camera, K=K, distortion=distortion, R=R, t=-R @ np.array([0.0, 0.0, height]))
-
     def ground_covariance(
-        self, uv: Float[np.ndarray, "n 2"]
+        self, uv: Float[np.ndarray, "n 2"], *, from_camera: bool = False
     ) -> tuple[Float[np.ndarray, "n 2 2"], Bool[np.ndarray, "n"]]:
         """Covariance (m²) of ground points seen at pixels ``uv`` of the footage, from the camera's.
 
-        First-order propagation by central differences, in the world of the camera (origin below
-        it, heading along +Y). Invalid (NaN) at and above the horizon. Raises without a camera.
+        First-order propagation by central differences. What is common to the whole scene as a
+        rigid motion is no error of the map, so it is removed, by least squares over where people
+        walked, as the paper's evaluation does; ``from_camera`` keeps it and gives the error in the
+        world of the camera (origin below it, heading along +Y). Invalid (NaN) at and above the
+        horizon. Raises :class:`InputError` without a camera.
         """
-        camera = self._camera()
         covariance = np.zeros((5, 5)) if self.covariance is None else self.covariance
-        undistorted, seen = camera.undistort(uv)
-        valid = camera.locate(undistorted)[1] & seen
+        xy, jacobian, valid = self._ground_jacobian(uv)
+        if not from_camera and self.segments is not None:
+            rows = slice(None) if self.inlier is None else self.inlier
+            at, moved, seen = self._ground_jacobian(self.segments.foot_uv[rows])
+            if seen.sum() >= 2:
+                motion = np.linalg.lstsq(
+                    _rigid_motions(at[seen]).reshape(-1, 3), moved[seen].reshape(-1, 5), rcond=None
+                )[0]
+                jacobian = jacobian - _rigid_motions(xy) @ motion
+        return jacobian @ covariance @ np.swapaxes(jacobian, -1, -2), valid
+
+    def _ground_jacobian(self, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Ground points (n, 2), their derivatives by the parameters (n, 2, 5), and validity."""
+        camera = self._camera()
+        undistorted, valid = camera.undistort(uv)
+        xy, on_ground = camera.locate(undistorted)
+        valid = valid & on_ground
         columns = []
         for index in range(len(PARAMETERS)):
             ends = []
             for sign in (-1, 1):
                 step = np.zeros(5)
                 step[index] = sign * _STEP
-                other = self.disturbed(step)
-                xy, ok = other.locate(other.undistort(uv)[0])
+                other = camera.disturbed(step)
+                there, ok = other.locate(other.undistort(uv)[0])
                 valid &= ok
-                ends.append(xy)
+                ends.append(there)
             columns.append((ends[1] - ends[0]) / (2 * _STEP))
         jacobian = np.stack(columns, axis=-1)
         jacobian[~valid] = np.nan
-        return jacobian @ covariance @ np.swapaxes(jacobian, -1, -2), valid
+        return xy, jacobian, valid
 
-    def ground_sigma_m(self, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
-        """Root-mean-square error (m) of the ground position at pixels of the footage, or NaN."""
-        return np.sqrt(np.trace(self.ground_covariance(uv)[0], axis1=1, axis2=2))
+    def ground_sigma_m(
+        self, uv: Float[np.ndarray, "n 2"], *, from_camera: bool = False
+    ) -> Float[np.ndarray, "n"]:
+        """Root-mean-square error (m) of the ground position at pixels of the footage, or NaN.
+
+        See :meth:`ground_covariance` for ``from_camera``.
+        """
+        covariance, _ = self.ground_covariance(uv, from_camera=from_camera)
+        return np.sqrt(np.trace(covariance, axis1=1, axis2=2))
 
     def _camera(self) -> Camera:
         if self.camera is None:
@@ -150,3 +156,11 @@ class Calibration:
         if self.reason is not None:
             values["reason"] = self.reason
         return values | self.extra
+
+
+def _rigid_motions(xy: np.ndarray) -> np.ndarray:
+    """Displacements (n, 2, 3) of ground points by shifts along X and Y and by a small turn."""
+    motions = np.zeros((len(xy), 2, 3))
+    motions[:, 0, 0] = motions[:, 1, 1] = 1.0
+    motions[:, 0, 2], motions[:, 1, 2] = -xy[:, 1], xy[:, 0]
+    return motions

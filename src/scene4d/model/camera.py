@@ -175,6 +175,25 @@ class Camera(Lens):
         """Undistorted pixels to world ``(xy_m, valid)`` on the plane ``Z = height_m``."""
         return geometry.locate(self.P, uv, height_m)
 
+    def disturbed(self, step: Float[np.ndarray, "5"]) -> "Camera":
+        """The camera moved by (log f, tilt, roll, log height, corner distortion); heading kept.
+
+        The lens bends by position on the sensor, so its coefficients move with the focal length;
+        the last step is the fraction by which the image's corner is displaced further.
+        """
+        d_log_f, d_tilt, d_roll, d_log_h, d_corner = step
+        stretch = np.exp(d_log_f)
+        K = self.K.copy()
+        K[:2, :2] *= stretch
+        distortion = self.distortion * stretch ** np.array([2, 4, 1, 1, 6])
+        distortion[0] += d_corner * (2 * K[0, 0] / np.hypot(*self.image_size)) ** 2
+        tilt, roll = self.tilt_rad, self.roll_rad
+        before = geometry.rotation_from_tilt_roll(tilt, roll)
+        R = geometry.rotation_from_tilt_roll(tilt + d_tilt, roll + d_roll) @ before.T @ self.R
+        centre = self.centre_m
+        centre[2] *= np.exp(d_log_h)
+        return replace(self, K=K, distortion=distortion, R=R, t=-R @ centre)
+
     def to_dict(self) -> dict[str, Any]:
         """The fields of ``camera.json`` that describe the camera itself."""
         return {

@@ -126,6 +126,11 @@ def fetch_all(
     return [weight_path(w.name, progress=progress, weights=weights) for w in weights]
 
 
+def missing_weights(*, weights: Sequence[Weight] = WEIGHTS) -> list[str]:
+    """Names of the weights that are not in the cache, looked up without reading the others."""
+    return [w.name for w in weights if not _path(w).is_file()]
+
+
 def list_weights(*, weights: Sequence[Weight] = WEIGHTS) -> list[WeightStatus]:
     """What the store knows and has, without fetching anything."""
     rows = []

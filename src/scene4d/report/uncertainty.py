@@ -1,30 +1,15 @@
 """The covariance of a calibration, carried over to what is shown (first order)."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
-from scene4d import geometry
 from scene4d.model import Camera
 
 STEP = 1e-4
 Z95 = 1.959964
 """Half width of a Gaussian's 95 % interval in standard deviations."""
-
-
-def nudged(camera: Camera, delta: Float[np.ndarray, "5"]) -> Camera:
-    """The camera with its parameters moved by ``delta``, in the order of ``model.PARAMETERS``."""
-    log_focal, tilt, roll, log_height, k1 = delta
-    K, distortion, centre = camera.K.copy(), camera.distortion.copy(), camera.centre_m
-    K[:2, :2] *= np.exp(log_focal)
-    distortion[0] += k1
-    centre[2] *= np.exp(log_height)
-    pose = camera.tilt_rad, camera.roll_rad
-    turn = geometry.rotation_from_tilt_roll(pose[0] + tilt, pose[1] + roll)
-    R = turn @ geometry.rotation_from_tilt_roll(*pose).T @ camera.R
-    return replace(camera, K=K, distortion=distortion, R=R, t=-R @ centre)
 
 
 def propagated(
@@ -38,7 +23,10 @@ def propagated(
         return np.zeros(len(function(camera)))
     used = np.flatnonzero(np.sum(moves, axis=0))
     J = np.column_stack(
-        [(function(nudged(camera, m)) - function(nudged(camera, -m))) / (2 * STEP) for m in moves]
+        [
+            (function(camera.disturbed(m)) - function(camera.disturbed(-m))) / (2 * STEP)
+            for m in moves
+        ]
     )
     variance = np.einsum("ni,ij,nj->n", J, covariance[np.ix_(used, used)], J)
     return np.sqrt(np.maximum(variance, 0.0))

@@ -38,6 +38,15 @@ def sample_frames(
     return source.frames(choose_frames(source.timeline, inside, n, pixels).tolist())
 
 
+def expected_count(source: Source, n: int | None = None) -> int | None:
+    """How many frames :func:`sample_frames` will give; None for a stream, which may end."""
+    if source.timeline is None:
+        return n
+    everything = np.arange(len(source.timeline))
+    wanted = _default_count(source.timeline, everything) if n is None else n
+    return min(wanted, len(everything))
+
+
 def choose_frames(
     timeline: Timeline, inside: Int[np.ndarray, "m"], n: int | None, pixels: int
 ) -> Int[np.ndarray, "k"]:

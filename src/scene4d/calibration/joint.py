@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from scene4d.calibrate.initial import starting_points
-from scene4d.calibrate.lines import best_azimuths
-from scene4d.calibrate.refine import Noise, Problem, State, linearise, minimise, updated_noise
+from scene4d.calibration.initial import starting_points
+from scene4d.calibration.lines import best_azimuths
+from scene4d.calibration.refine import Noise, Problem, State, linearise, minimise, updated_noise
 
 SEARCH_PEOPLE = 250
 """So many people are enough to choose among starting points; all of them refine the winner."""

@@ -8,8 +8,8 @@ badly the people agree. Thousands of orientations are tried at once on a few hun
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.calibrate.body import CORNER, FOCAL, HEIGHT, ROLL, TILT, Points, undistort
-from scene4d.calibrate.prior import Prior
+from scene4d.calibration.body import CORNER, FOCAL, HEIGHT, ROLL, TILT, Points, undistort
+from scene4d.calibration.prior import Prior
 
 _ALONG, _ACROSS = 0.07, 0.06
 """Rough spread of a head about its prediction, in lengths of the person (height included)."""

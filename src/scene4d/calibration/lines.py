@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.calibrate.body import CORNER, FOCAL, N_PARAMETERS, ROLL, TILT, undistort, up_vector
+from scene4d.calibration.body import CORNER, FOCAL, N_PARAMETERS, ROLL, TILT, undistort, up_vector
 
 ANGLE_SIGMA_RAD = np.radians(0.5)
 """How far real edges stray from the three directions (building tolerance, perspective of edges)."""
 END_SIGMA_PX = 0.7
 """Error of a segment's end, across the segment."""
 LOSS_WIDTH = 2.5
-LINES_PER_FACT = 10.0
+LINES_PER_FACT = 20.0
 """Edges of one window, house or kerb err together: so many lines weigh as one observation."""
 
 _AZIMUTH = N_PARAMETERS

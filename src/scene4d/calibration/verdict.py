@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.calibrate.body import FOCAL, Points
-from scene4d.calibrate.prior import Prior
+from scene4d.calibration.body import FOCAL, Points
+from scene4d.calibration.prior import Prior
 
 MIN_PEOPLE = 3
 """Fewer people than this leave the camera to the prior."""
@@ -53,7 +53,7 @@ def refusal(
     what = (
         f"the focal length is not determined (± {focal_sigma:.0%})"
         if vague
-        else f"positions on the ground would be wrong by {relative_ground_error:.0%} of the distance"
+        else f"ground positions would be wrong by {relative_ground_error:.0%} of their distance"
     )
     hint = " or a lens file (--lens)" if prior.sigma[FOCAL] > 0 else ""
     return f"{what}: {where}; needed: {needed}{hint}"

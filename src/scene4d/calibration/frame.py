@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d import geometry
-from scene4d.calibrate.body import CORNER, FOCAL, HEIGHT, ROLL, TILT, Points
+from scene4d.calibration.body import CORNER, FOCAL, HEIGHT, ROLL, TILT, Points
 from scene4d.model import Camera, Lens, Segments
 
 
@@ -45,10 +45,12 @@ class ImageFrame:
 
     def points(self, segments: Segments, foot_height_m: float) -> Points:
         """The solver's view of segments given in footage pixels; unseen ends become NaN."""
-        ends = []
-        for uv in (segments.foot_uv, segments.head_uv):
-            ends.append(self.normalised(uv if self.lens is None else self.lens.undistort(uv)[0]))
-        return Points(ends[0], ends[1], segments.from_box, foot_height_m)
+        lens = self.lens
+        foot, head = (
+            self.normalised(uv if lens is None else lens.undistort(uv)[0])
+            for uv in (segments.foot_uv, segments.head_uv)
+        )
+        return Points(foot, head, segments.from_box, foot_height_m)
 
     def camera(self, parameters: Float[np.ndarray, "5"]) -> Camera:
         """The camera of a parameter vector (log f, tilt, roll, log h, D)."""

@@ -6,15 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.calibrate.body import N_PARAMETERS, Points
-from scene4d.calibrate.refine import (
+from scene4d.calibration.body import N_PARAMETERS, Points
+from scene4d.calibration.refine import (
     Problem,
     State,
     linearise,
     normal_equations,
     observed_weights,
 )
-
 
 OUTLIER_LEAK = 0.03
 """Bias of length (and of length against distance) for a share 1 of shortened people: those cut by

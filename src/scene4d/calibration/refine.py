@@ -23,9 +23,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from scene4d.calibrate.body import N_PARAMETERS, Points, predict_heads
-from scene4d.calibrate.lines import Lines, LineTerms, line_terms
-from scene4d.calibrate.prior import Prior
+from scene4d.calibration.body import N_PARAMETERS, Points, predict_heads
+from scene4d.calibration.lines import Lines, LineTerms, line_terms
+from scene4d.calibration.prior import Prior
 
 HEIGHT_LOSS_WIDTH = 3.0
 """Geman-McClure width of a track's height, in standard deviations."""

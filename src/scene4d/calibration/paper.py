@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from scene4d.calibrate.consensus import (
+from scene4d.calibration.consensus import (
     TOLERANCE_PX,
     exact_consensus,
     inlier_intervals,
     ransac_consensus,
 )
-from scene4d.calibrate.linear import height_system
+from scene4d.calibration.linear import height_system
 from scene4d.errors import InputError
 from scene4d.geometry import rotation_from_tilt_roll
 from scene4d.model import Orientation

@@ -5,15 +5,15 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float, Int
 
-from scene4d.calibrate import verdict
-from scene4d.calibrate.body import HEIGHT
-from scene4d.calibrate.frame import ImageFrame
-from scene4d.calibrate.joint import position_weights, solve
-from scene4d.calibrate.lines import Lines
-from scene4d.calibrate.paper import solve_paper
-from scene4d.calibrate.prior import default_prior
-from scene4d.calibrate.refine import HEIGHT_SIGMA_M, Problem, State, linearise
-from scene4d.calibrate.uncertainty import covariance, systematic_covariance
+from scene4d.calibration import verdict
+from scene4d.calibration.body import HEIGHT
+from scene4d.calibration.frame import ImageFrame
+from scene4d.calibration.joint import position_weights, solve
+from scene4d.calibration.lines import Lines
+from scene4d.calibration.paper import solve_paper
+from scene4d.calibration.prior import default_prior
+from scene4d.calibration.refine import HEIGHT_SIGMA_M, Problem, State, linearise
+from scene4d.calibration.uncertainty import covariance, systematic_covariance
 from scene4d.errors import InputError
 from scene4d.geometry import locate, project
 from scene4d.model import Calibration, Lens, Orientation, Segments
@@ -183,18 +183,19 @@ def _judged(
 
 
 def _ground_error(found: Calibration) -> tuple[dict[str, float], float]:
-    """Predicted position error where people walked: median and p90 (m), and median over distance."""
-    assert found.segments is not None
-    assert found.camera is not None
-    uv = found.segments.foot_uv[found.inlier] if found.inlier is not None else np.empty((0, 2))
-    sigma = found.ground_sigma_m(uv)
-    xy, _ = found.camera.locate(found.camera.undistort(uv)[0])
-    seen = np.isfinite(sigma)
-    if not seen.any():
+    """Predicted error where people walked: median and p90 (m) within the scene, and the median
+    error from the camera over the distance.
+    """
+    camera, segments = found.camera, found.segments
+    assert camera is not None and segments is not None and found.inlier is not None
+    uv = segments.foot_uv[found.inlier]
+    xy, seen = camera.locate(camera.undistort(uv)[0])
+    uv, xy = uv[seen], xy[seen]
+    if len(uv) == 0:
         return {"median": np.inf, "p90": np.inf}, np.inf
-    distance = np.hypot(*xy[seen].T)
-    median, p90 = np.quantile(sigma[seen], [0.5, 0.9])
-    relative = float(np.median(sigma[seen] / np.maximum(distance, 1e-6)))
+    median, p90 = np.quantile(found.ground_sigma_m(uv), [0.5, 0.9])
+    distance = np.maximum(np.hypot(*xy.T), 1e-6)
+    relative = float(np.median(found.ground_sigma_m(uv, from_camera=True) / distance))
     return {"median": float(median), "p90": float(p90)}, relative
 
 

@@ -1,7 +1,7 @@
 """What is believed before any person is seen: a Gaussian over the five parameters.
 
 Order (log f, tilt, roll, log h, D) with f in half diagonals of the image and D the displacement of
-the image's corner by the lens; see :mod:`scene4d.calibrate.body`.
+the image's corner by the lens; see :mod:`scene4d.calibration.body`.
 """
 
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from scene4d.calibrate.body import CORNER, FOCAL, N_PARAMETERS, ROLL, TILT
+from scene4d.calibration.body import CORNER, FOCAL, N_PARAMETERS, ROLL, TILT
 from scene4d.model import Orientation
 
 # Weak on purpose: two standard deviations reach diagonal fields of view of 15 to 140 degrees,

@@ -1,0 +1,46 @@
+"""The scene without the people in it: the median of a few frames."""
+
+import numpy as np
+from jaxtyping import UInt8
+
+from scene4d.video.frames import Frame
+
+MAX_FRAMES = 21
+MAX_BYTES = 200e6
+"""Memory that the kept frames may take; fewer are kept of larger ones."""
+
+
+class Background:
+    """Fed with sampled frames, keeps a few spread over the clip and gives their median."""
+
+    def __init__(self, image_size: tuple[int, int], expected_frames: int | None) -> None:
+        width, height = image_size
+        room = max(3, min(MAX_FRAMES, int(MAX_BYTES / (width * height * 3))))
+        self._step = max(1, (expected_frames or room) // room)
+        self._room = room
+        self._seen = 0
+        self._kept: list[np.ndarray] = []
+
+    def add(self, frame: Frame) -> None:
+        """Show one frame; it is copied only if it is kept."""
+        if self._seen % self._step == 0 and len(self._kept) < self._room:
+            self._kept.append(frame.image_bgr.copy())
+        self._seen += 1
+
+    @property
+    def is_median(self) -> bool:
+        """Whether enough frames were seen for what moves to vanish."""
+        return len(self._kept) >= 5
+
+    def image(self) -> UInt8[np.ndarray, "h w 3"] | None:
+        """The median picture; the first frame where there are too few; None without any."""
+        if not self._kept:
+            return None
+        if not self.is_median:
+            return self._kept[0]
+        rows = []
+        for top in range(0, self._kept[0].shape[0], 64):  # in strips, to keep memory low
+            strip = np.stack([image[top : top + 64] for image in self._kept])
+            middle = strip.shape[0] // 2
+            rows.append(np.partition(strip, middle, axis=0)[middle])
+        return np.concatenate(rows)
