@@ -300,7 +300,7 @@ def _people_detector(
 
 
 def person_px(camera: Camera, rows: np.ndarray, person_height_m: float) -> np.ndarray:
-    """Height in pixels of a person whose feet are seen at image ``rows``, mid-width; NaN: nobody."""
+    """Height in pixels of a person with feet at image ``rows``, mid-width; NaN: nobody can be."""
     middle = np.full(len(rows), (camera.image_size[0] - 1) / 2)
     xy, valid = camera.locate(camera.undistort(np.column_stack([middle, rows]).astype(float))[0])
     head, seen = camera.project(np.column_stack([xy, np.full(len(xy), person_height_m)]))

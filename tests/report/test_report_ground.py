@@ -10,7 +10,7 @@ from scene4d.report import ground
 from scene4d.report.birdseye import rectify, wedge, with_camera
 from scene4d.report.errormap import error_grid
 from scene4d.report.scenery import image_of
-from scene4d.report.uncertainty import field_of_view, nudged, propagated
+from scene4d.report.uncertainty import field_of_view, propagated
 
 
 @pytest.mark.parametrize("distortion", [(0.0,) * 5, (-0.25, 0.05, 0.001, -0.001, 0.0)])
@@ -144,17 +144,6 @@ def test_the_error_grid_asks_for_undistorted_pixels():
     seen, _ = camera.undistort(np.array([[u[10], v[25]]]))
     assert sigma[25, 10] == pytest.approx(scenes.sigma(camera)(seen)[0])
     assert np.isnan(sigma[0]).all()
-
-
-def test_nudging_moves_each_parameter_by_itself():
-    camera = scenes.camera()
-    moved = nudged(camera, np.array([0.1, 0.02, -0.03, 0.05, 0.04]))
-    assert moved.focal_px == pytest.approx(camera.focal_px * np.exp(0.1))
-    assert moved.tilt_rad == pytest.approx(camera.tilt_rad + 0.02)
-    assert moved.roll_rad == pytest.approx(camera.roll_rad - 0.03)
-    assert moved.height_m == pytest.approx(camera.height_m * np.exp(0.05))
-    assert moved.distortion[0] == pytest.approx(0.04)
-    np.testing.assert_allclose(moved.centre_m[:2], camera.centre_m[:2], atol=1e-12)
 
 
 def test_propagation_of_a_linear_function_is_exact():

@@ -60,7 +60,7 @@ def solve(problem: Problem, *, seed: int = 0) -> State | None:
     )
     if len(starts) == 0:
         return None
-    candidates = []
+    candidates: list[tuple[float, int, State]] = []
     for parameters in starts:
         state = State(parameters, np.zeros(small.n_tracks), Noise().widened(SEARCH_WIDTH))
         state = minimise(people_only, state, steps=8, tolerance=1e-3)
@@ -85,7 +85,7 @@ def _with_noise(problem: Problem, state: State) -> State:
 def _with_azimuth(problem: Problem, state: State) -> State:
     """Refine with the lines from the best few azimuths; the lowest cost wins."""
     assert problem.lines is not None
-    candidates = []
+    candidates: list[tuple[float, int, State]] = []
     for azimuth in best_azimuths(state.parameters, problem.lines):
         trial = minimise(problem, replace(state, azimuth=azimuth), steps=15, tolerance=1e-4)
         candidates.append((linearise(problem, trial).cost, len(candidates), trial))

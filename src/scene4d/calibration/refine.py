@@ -47,14 +47,13 @@ class Noise:
     along: float = 0.03
     across: float = 0.045
     box_along: float = 0.05
-    box_across: float = 0.09
     height_m: float = HEIGHT_SIGMA_M
     short: float = 0.12
     stray: float = 0.05
 
     def widened(self, factor: float) -> "Noise":
         """Larger spreads for the search, which starts far from the answer."""
-        names = ("along", "across", "box_along", "box_across", "height_m")
+        names = ("along", "across", "box_along", "height_m")
         return replace(self, **{name: factor * getattr(self, name) for name in names})
 
 
@@ -125,6 +124,12 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     along, across = _spreads(problem, noise)
 
     expected = predicted.head - points.foot
+    # The sides of a box are upright whatever leans in it: only its height is an observation.
+    expected[0] = np.where(points.from_box, seen[0], expected[0])
+    by_parameter, by_height = predicted.by_parameter, predicted.by_height
+    if points.from_box.any():
+        by_parameter[:, 0, points.from_box] = 0.0
+        by_height[0, points.from_box] = 0.0
     expected2 = np.maximum((expected * expected).sum(axis=0), 1e-18)
     dot = (expected * seen).sum(axis=0)
     cross = seen[0] * expected[1] - seen[1] * expected[0]
@@ -155,8 +160,8 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     ok = predicted.valid
     return Linearisation(
         residual,
-        np.where(ok, in_sigmas(predicted.by_parameter), 0.0),
-        np.where(ok & ~problem.lone, in_sigmas(predicted.by_height), 0.0),
+        np.where(ok, in_sigmas(by_parameter), 0.0),
+        np.where(ok & ~problem.lone, in_sigmas(by_height), 0.0),
         inlier,
         weight,
         force,
@@ -172,7 +177,7 @@ def _spreads(problem: Problem, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
     along = np.where(box, noise.box_along, noise.along)
     height = noise.height_m / problem.person_height_m
     along = np.where(problem.lone, np.hypot(along, height), along)
-    return along, np.where(box, noise.box_across, noise.across)
+    return along, np.full(len(box), noise.across)
 
 
 def _mixture(
@@ -321,7 +326,6 @@ def updated_noise(problem: Problem, state: State) -> Noise:
         along=spread(along2, weight_along, ~box, noise.along, first.along),
         across=spread(across2, weight_across, ~box, noise.across, first.across),
         box_along=spread(along2, weight_along, box, noise.box_along, first.box_along),
-        box_across=spread(across2, weight_across, box, noise.box_across, first.box_across),
         height_m=float(np.clip(height, *_HEIGHT_RANGE)),
         short=(_PRIOR_COUNT * first.short + short) / everybody,
         stray=(_PRIOR_COUNT * first.stray + stray) / everybody,

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from scene4d.calibration import verdict
-from scene4d.calibration.body import HEIGHT
+from scene4d.calibration.body import FOCAL, HEIGHT
 from scene4d.calibration.frame import ImageFrame
 from scene4d.calibration.joint import position_weights, solve
 from scene4d.calibration.lines import Lines
@@ -112,7 +112,15 @@ def solve_segments(
         )
     if method == "paper":
         return _paper(
-            segments, frame, usable, orientation, person_height_m, consensus, seed, result
+            segments,
+            frame,
+            usable,
+            orientation,
+            person_height_m,
+            population_sigma_m,
+            consensus,
+            seed,
+            result,
         )
 
     prior = default_prior(estimate_distortion=estimate_distortion and lens is None)
@@ -120,6 +128,8 @@ def solve_segments(
         prior = prior.with_focal(float(lens.K[0, 0]), frame.half_diagonal_px)
     if orientation is not None:
         prior = prior.with_orientation(orientation, frame.half_diagonal_px)
+    if segments.from_box[usable].all() and prior.sigma[FOCAL] > verdict.BOX_FOCAL_SIGMA:
+        return result("undetermined", reason=verdict.BOXES_ALONE)
     lines = None
     if lines_xyxy is not None and len(lines_xyxy):
         lines = _lines(frame, lines_xyxy)
@@ -173,8 +183,7 @@ def _judged(
     residual = np.full(len(segments), np.nan)
     along = np.where(problem.points.from_box, noise.box_along, noise.along)
     along = np.where(problem.lone, np.hypot(along, noise.height_m / problem.person_height_m), along)
-    across = np.where(problem.points.from_box, noise.box_across, noise.across)
-    residual[usable] = np.hypot(lin.residual[0] * along, lin.residual[1] * across)
+    residual[usable] = np.hypot(lin.residual[0] * along, lin.residual[1] * noise.across)
     told = verdict.warnings(int(usable.sum()), problem.n_tracks, share, problem.prior, cov)
     return result(
         "ok", camera=camera, covariance=cov, inlier=inlier, residual=residual,
@@ -201,7 +210,8 @@ def _ground_error(found: Calibration) -> tuple[dict[str, float], float]:
 
 def _paper(
     segments: Segments, frame: ImageFrame, usable: np.ndarray, orientation: Orientation | None,
-    person_height_m: float, consensus: str, seed: int, result: Callable[..., Calibration],
+    person_height_m: float, population_sigma_m: float, consensus: str, seed: int,
+    result: Callable[..., Calibration],
 ) -> Calibration:  # fmt: skip
     if orientation is None:
         raise InputError(
@@ -226,7 +236,8 @@ def _paper(
     camera = frame.camera(parameters)
     sigma = [
         orientation.focal_sigma_px / orientation.focal_px, orientation.tilt_sigma_rad,
-        orientation.roll_sigma_rad, found.relative_sigma, 0.0,
+        orientation.roll_sigma_rad,
+        np.hypot(found.relative_sigma, population_sigma_m / person_height_m), 0.0,
     ]  # fmt: skip
     inlier = np.zeros(len(segments), bool)
     inlier[usable] = found.inlier

@@ -84,8 +84,12 @@ def _growing(points: Points, amount: float) -> Points:
     """Everybody seen longer by a fraction that grows with the logarithm of their length."""
     span = points.head - points.foot
     size = np.log(np.sqrt((span * span).sum(axis=0)))
-    return replace(points, head=points.foot + span * (1 + amount * (size - np.median(size))))
+    amount_each = np.where(points.from_box, BOX_FACTOR * amount, amount)
+    return replace(points, head=points.foot + span * (1 + amount_each * (size - np.median(size))))
 
+
+BOX_FACTOR = 2.0
+"""Boxes grow and shrink with the viewing angle more than bodies do (METHOD section 2, lesson 1)."""
 
 SYSTEMATICS: tuple[Systematic, ...] = (
     Systematic("principal point, u", 0.03, _shifted(0)),

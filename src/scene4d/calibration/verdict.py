@@ -15,6 +15,14 @@ MAX_FOCAL_SIGMA = 0.45
 MIN_INLIERS = 0.3
 """Share of people as modelled below which the picture is not of upright people on a plane."""
 
+BOX_FOCAL_SIGMA = 0.3
+"""Boxes need the focal length to be known at least this well (relative)."""
+BOXES_ALONE = (
+    "boxes alone do not determine the focal length: a box has no lean, and its size changes with "
+    "the viewing angle as it does with the focal length; needed: a lens file (--lens), an "
+    "orientation (--orientation FILE), or keypoints (run on the footage itself)"
+)
+
 
 def refusal(
     points: Points,

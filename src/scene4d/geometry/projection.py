@@ -59,10 +59,8 @@ def locate(
         size_v = np.abs(P[1, :2, None]) + np.abs(v * P[2, :2, None])
         scale = size_u[0] * size_v[1] + size_u[1] * size_v[0]
         solvable = np.isfinite(det) & (np.abs(det) > 1e-12 * scale)
-    xy = np.full((len(uv), 2), np.nan)
-    np.divide(e * d - b * f, det, out=xy[:, 0], where=solvable)
-    np.divide(a * f - e * c, det, out=xy[:, 1], where=solvable)
-    depth = xy @ P[2, :2] + offset[2]
+        xy = np.column_stack([e * d - b * f, a * f - e * c]) / det[:, None]
+        depth = xy @ P[2, :2] + offset[2]
     valid = solvable & (depth > MIN_DEPTH_M)
     xy[~valid] = np.nan
     return xy, valid

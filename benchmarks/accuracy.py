@@ -1,0 +1,138 @@
+"""Measure the accuracy figures of the README on real recordings and write them there.
+
+    python benchmarks/accuracy.py [--data DIR] [--write]
+
+DIR holds pets2009/ and towncentre/ (by default $SCENE4D_DATA or ../shared/data). With --write the
+table replaces what stands between the markers in README.md.
+"""
+
+import argparse
+import os
+import tempfile
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+
+from scene4d import calibrate
+from scene4d.evaluate import Reference, pets, towncentre
+from scene4d.model import Calibration, Orientation
+from scene4d.video.reader import open_source
+from scene4d.video.undistort import Undistorter
+
+ROOT = Path(__file__).parents[1]
+BEGIN, END = "<!-- accuracy: begin -->", "<!-- accuracy: end -->"
+
+
+@dataclass(frozen=True)
+class Row:
+    case: str
+    given: str
+    result: Calibration
+    reference: Reference
+    undistorted: bool = False
+
+    def cells(self) -> list[str]:
+        camera, true = self.result.camera, self.reference.camera
+        if camera is None or not self.result:
+            return [self.case, self.given, "refused", "", "", "", ""]
+        error = self.reference.score(camera, undistorted=self.undistorted)
+        predicted = self.result.ground_error_m or {}
+        return [
+            self.case,
+            self.given,
+            f"**{error.mean_m:.2f} ± {error.sd_m:.2f} m**",
+            f"{predicted.get('median', np.nan):.2f} m",
+            f"{camera.focal_px:.0f} ({true.focal_px:.0f})",
+            f"{np.degrees(camera.tilt_rad):.1f}° ({np.degrees(true.tilt_rad):.1f}°)",
+            f"{camera.height_m:.2f} m ({true.height_m:.2f} m)",
+        ]
+
+
+def undistorted_video(reference: Reference, video: Path, out: Path) -> Path:
+    """The footage through the true lens, losslessly coded, with the same clock."""
+    straight = Undistorter(reference.camera.lens)
+    with open_source(video) as source, av.open(str(out), "w") as container:
+        stream = container.add_stream("ffv1", rate=Fraction(round(source.fps or 10), 1))
+        stream.width, stream.height = source.image_size
+        stream.pix_fmt = "bgr0"
+        for frame in source.frames():
+            picture = av.VideoFrame.from_ndarray(straight(frame.image_bgr), format="bgr24")
+            container.mux(stream.encode(picture))
+        container.mux(stream.encode(None))
+    return out
+
+
+def undistorted_pictures(reference: Reference, folder: Path, out: Path) -> Path:
+    import cv2
+
+    straight = Undistorter(reference.camera.lens)
+    with open_source(folder) as source:
+        for frame in source.frames():
+            cv2.imwrite(str(out / f"{frame.index:04d}.png"), straight(frame.image_bgr))
+    return out
+
+
+def rows(data: Path, scratch: Path) -> list[Row]:
+    park, street = pets(data / "pets2009"), towncentre(data / "towncentre")
+    video, frames = data / "pets2009" / "vtest.avi", data / "towncentre" / "frames"
+    straight_video = undistorted_video(park, video, scratch / "pets.mkv")
+    (scratch / "street").mkdir()
+    straight_frames = undistorted_pictures(street, frames, scratch / "street")
+    found = [
+        Row("PETS 2009 video", "nothing", calibrate(video), park),
+        Row("PETS 2009 video, undistorted", "nothing", calibrate(straight_video), park, True),
+        Row("TownCentre, 2 frames", "nothing", calibrate(frames), street),
+        Row("TownCentre, 2 frames, undist.", "nothing", calibrate(straight_frames), street, True),
+    ]
+    for name, title in (("frcnn_det.txt", "Faster R-CNN"), ("PETS2009-S2L1.xml", "hand-drawn")):
+        result = calibrate(
+            None,
+            annotations=data / "pets2009" / name,
+            image_size=park.camera.image_size,
+            lens=data / "pets2009" / "View_001.xml",
+        )
+        found.append(Row(f"PETS 2009, {title} boxes", "lens", result, park))
+    camera = street.camera
+    for height in (1.5748, 1.70, 1.7018, 1.8288):
+        result = calibrate(
+            None,
+            annotations=data / "towncentre" / "tracker_boxes.txt",
+            image_size=camera.image_size,
+            lens=data / "towncentre" / "TownCentre-calibration.ci",
+            orientation=Orientation(camera.focal_px, camera.tilt_rad, camera.roll_rad),
+            method="paper",
+            person_height_m=height,
+            drop_invalid=True,
+        )
+        case = f"TownCentre, tracker boxes, the paper's method, {height:g} m people"
+        found.append(Row(case, "lens, tilt, roll", result, street))
+    return found
+
+
+def table(found: list[Row]) -> str:
+    head = ["footage", "given", "correspondence error", "predicted", "focal px", "tilt", "height"]
+    lines = [head, ["---"] * len(head), *(row.cells() for row in found)]
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
+    parser.add_argument("--data", type=Path, default=Path(default))
+    parser.add_argument("--write", action="store_true", help="put the table into README.md")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        text = table(rows(arguments.data, Path(scratch)))
+    print(text)
+    if arguments.write:
+        readme = ROOT / "README.md"
+        before, rest = readme.read_text().split(BEGIN)
+        after = rest.split(END)[1]
+        readme.write_text(f"{before}{BEGIN}\n{text}\n{END}{after}")
+
+
+if __name__ == "__main__":
+    main()
