@@ -1,5 +1,6 @@
 """The one place that puts stages together: from footage to a calibration and its files."""
 
+import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -141,6 +142,47 @@ def run(source: str | Path | None, options: Options, progress: Progress) -> Run:
     return Run(calibration, name, seen.image_bgr, timings)
 
 
+def run_detections(
+    detections: Detections,
+    options: Options,
+    progress: Progress,
+    source_name: str,
+    *,
+    image_bgr: np.ndarray | None = None,
+    notes: tuple[str, ...] = (),
+) -> Run:
+    """As :func:`run`, from people that were detected before; ``notes`` become warnings.
+
+    ``image_bgr`` is a picture of the scene for the report.
+    """
+    timings: dict[str, float] = {}
+    orientation, lens = _orientation(options), _lens(options, detections.image_size)
+    seen = _Seen(detections, len(np.unique(detections.frame)), None, image_bgr, list(notes))
+    _drop_stationary(seen)
+    with _timed(timings, "solve"), progress.stage("Solving for the camera", None):
+        calibration = _solved(seen, lens, options, orientation)
+    return Run(calibration, source_name, image_bgr, timings)
+
+
+def fetch_weights(progress: Progress) -> None:
+    """Get the networks that are missing; raises as :func:`perception.weights.fetch_all`."""
+    from scene4d.perception.weights import fetch_all, missing_weights
+
+    if not missing_weights():
+        fetch_all()  # checks those that are here
+        return
+    percent = 0
+
+    def told(source: str, so_far: int, total: int) -> None:
+        nonlocal percent
+        now = 100 * so_far // total if total else percent
+        step(now - percent)
+        percent = now
+
+    with progress.stage("Fetching the networks", 100) as step:
+        fetch_all(told)
+
+
 def _solved(
     seen: _Seen, lens: Lens | None, options: Options, orientation: Orientation | None
 ) -> Calibration:
@@ -273,11 +315,8 @@ def _people_detector(
     from scene4d.perception.detectors.tiles import choose_tiles
     from scene4d.perception.detectors.yolox import YoloxDetector
     from scene4d.perception.people import PeopleDetector, detect_people
-    from scene4d.perception.weights import fetch_all, missing_weights
 
-    if missing_weights():
-        with progress.stage("Fetching the networks", None):
-            fetch_all()
+    fetch_weights(progress)
     people = PeopleDetector.default()
     many = _expected_frames(footage, options) or 0
     if footage.timeline is None or many < 3 * ROUGH_FRAMES:
@@ -311,34 +350,60 @@ def person_px(camera: Camera, rows: np.ndarray, person_height_m: float) -> np.nd
 def write(result: Run, out_dir: str | Path, *, command: str | None, progress: Progress) -> Path:
     """Write camera.json, people.parquet, figures and report.html; returns the report's path.
 
-    Raises :class:`OutputError` where the folder cannot be written. ``camera.json`` comes last, so
-    a folder that has one is complete.
+    Raises :class:`OutputError` where the folder cannot be written. Everything is written beside
+    its target first, so an earlier result survives a full disk or Ctrl-C; ``camera.json`` comes
+    last, so a folder that has one is complete.
     """
+    out = ensure_folder(out_dir)
+    with _timed(result.timings, "report"), progress.stage("Drawing the report", None):
+        try:
+            with tempfile.TemporaryDirectory(dir=out, prefix=".scene4d-") as staging:
+                try:
+                    _write_all(result, Path(staging), command)
+                except OutputError as error:
+                    raise OutputError(str(error).replace(staging, str(out))) from error
+                _move_into_place(Path(staging), out)
+        except OSError as error:
+            raise OutputError(f"{out}: cannot be written: {error.strerror}") from error
+    return out / "report.html"
+
+
+def _write_all(result: Run, folder: Path, command: str | None) -> None:
     from importlib.metadata import version
 
     from scene4d.formats.tables import write_people
     from scene4d.report import write_report
 
-    out = ensure_folder(out_dir)
-    (out / "camera.json").unlink(missing_ok=True)
     found = result.calibration
-    with _timed(result.timings, "report"), progress.stage("Drawing the report", None):
-        camera = found.camera
-        page = write_report(
-            out,
-            found,
-            image_bgr=result.image_bgr,
-            ground_sigma_m=None
-            if camera is None or not found
-            else lambda uv: found.ground_sigma_m(camera.distort(uv)),
-            source_name=result.source_name,
-            command=command,
-            timings=result.timings,
-            version=version("scene4d"),
-        )
-    write_people(out / "people.parquet", people_table(found))
-    write_json(out / "camera.json", found.to_dict())
-    return page
+    camera = found.camera
+    write_report(
+        folder,
+        found,
+        image_bgr=result.image_bgr,
+        ground_sigma_m=None
+        if camera is None or not found
+        else lambda uv: found.ground_sigma_m(camera.distort(uv)),
+        source_name=result.source_name,
+        command=command,
+        timings=result.timings,
+        version=version("scene4d"),
+    )
+    write_people(folder / "people.parquet", people_table(found))
+    write_json(folder / "camera.json", found.to_dict())
+
+
+def _move_into_place(folder: Path, out: Path) -> None:
+    """The old result goes as the new one comes; between the two there is no camera.json."""
+    from scene4d.report import FIGURES
+
+    (out / "figures").mkdir(exist_ok=True)
+    (out / "camera.json").unlink(missing_ok=True)
+    for name in (*(f"figures/{figure}.png" for figure in FIGURES), "report.html", "people.parquet"):
+        if (folder / name).exists():
+            (folder / name).replace(out / name)
+        else:
+            (out / name).unlink(missing_ok=True)
+    (folder / "camera.json").replace(out / "camera.json")
 
 
 def people_table(found: Calibration) -> dict[str, np.ndarray]:

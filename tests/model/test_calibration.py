@@ -89,7 +89,7 @@ def test_what_is_unknown_has_no_sigma(missing):
 
 
 def test_covariance_is_written_with_the_order_of_its_rows():
-    assert PARAMETERS == ("log_focal", "tilt_rad", "roll_rad", "log_height", "k1")
+    assert PARAMETERS == ("log_focal", "tilt_rad", "roll_rad", "log_height", "corner_distortion")
     values = calibration().to_dict()["covariance"]
     assert values["parameters"] == list(PARAMETERS)
     np.testing.assert_array_equal(values["matrix"], np.diag(SIGMA**2))

@@ -298,7 +298,7 @@ def test_a_missing_field_is_named(tmp_path, field):
 def test_what_is_not_json_is_said_so(tmp_path, content):
     path = tmp_path / "camera.json"
     path.write_bytes(content)
-    with pytest.raises(InputError, match="camera.json: is not JSON"):
+    with pytest.raises(InputError, match=r"camera\.json: is not JSON"):
         Camera.load(path)
 
 

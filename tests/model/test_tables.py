@@ -4,12 +4,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from jaxtyping import config
 
 from scene4d.errors import InputError
 from scene4d.model import COCO17, HALPE26, Detections, Segments
 
 SIZE = (640, 480)
 NAMES = ("head_top", "feet")
+
+
+@pytest.fixture
+def unchecked(monkeypatch):
+    """As users run it: no run-time check of annotations comes before the tables' own."""
+    monkeypatch.setattr(config, "jaxtyping_disable", True)
 
 
 def detections(n: int = 4, start: int = 0, names: tuple[str, ...] = NAMES, **changes) -> Detections:
@@ -94,7 +101,7 @@ def test_parts_that_do_not_belong_together_are_not_joined():
 
 
 def test_bare_boxes_are_unknown_persons():
-    found = Detections.from_boxes(SIZE, [0, 5], [[1, 2, 3, 4], [5, 6, 7, 8]])
+    found = Detections.from_boxes(SIZE, np.array([0, 5]), np.array([[1, 2, 3, 4], [5, 6, 7, 8]]))
     assert found.frame.tolist() == [0, 5]
     assert found.frame.dtype == found.track.dtype == np.int64
     assert np.isnan(found.time_s).all()
@@ -114,7 +121,7 @@ def test_named_keypoints_that_nobody_measured_are_unknown_not_leftovers():
 
 
 def test_no_detections_are_a_table_too():
-    none = Detections.from_boxes(SIZE, [], [])
+    none = Detections.from_boxes(SIZE, np.array([]), np.array([]))
     assert len(none) == 0
     assert none.box_xyxy.shape == (0, 4)
 
@@ -130,12 +137,12 @@ def test_no_detections_are_a_table_too():
         ("keypoint_score", np.zeros((3, 2))),
     ],
 )
-def test_columns_of_other_lengths_are_named(name, value):
+def test_columns_of_other_lengths_are_named(unchecked, name, value):
     with pytest.raises(InputError, match=f"detections: {name} has {len(value)} rows, not 4"):
         detections(4, **{name: value})
 
 
-def test_boxes_of_another_number_are_named():
+def test_boxes_of_another_number_are_named(unchecked):
     with pytest.raises(InputError, match="detections: box_xyxy has 3 rows, not 2"):
         Detections.from_boxes(SIZE, np.arange(2), np.zeros((3, 4)))
 
@@ -144,17 +151,17 @@ def test_boxes_of_another_number_are_named():
     ("name", "value"),
     [("keypoint_uv", np.zeros((4, 3, 2))), ("keypoint_score", np.zeros((4, 1)))],
 )
-def test_keypoints_without_their_names_are_named(name, value):
+def test_keypoints_without_their_names_are_named(unchecked, name, value):
     found = value.shape[1]
     with pytest.raises(InputError, match=f"{name} holds {found} keypoints, keypoint_names 2"):
         detections(4, **{name: value})
 
 
 def test_bare_points_are_unknown_segments():
-    feet, heads = [[1, 2], [3, 4], [5, 6]], [[1, 0], [3, 1], [5, 2]]
+    feet, heads = np.array([[1, 2], [3, 4], [5, 6]]), np.array([[1, 0], [3, 1], [5, 2]])
     found = Segments.from_points(feet, heads)
-    assert found.foot_uv.tolist() == feet
-    assert found.head_uv.tolist() == heads
+    np.testing.assert_array_equal(found.foot_uv, feet)
+    np.testing.assert_array_equal(found.head_uv, heads)
     assert found.track.tolist() == [-1, -1, -1]
     assert found.frame.tolist() == [0, 0, 0]
     assert found.score.tolist() == [1, 1, 1]
@@ -162,14 +169,14 @@ def test_bare_points_are_unknown_segments():
     assert np.isnan(found.box_xyxy).all()
     assert not found.from_box.any()
     assert Segments.from_points(feet, heads, from_box=True).from_box.all()
-    assert Segments.from_points(feet, heads, track=[4, 4, 9]).track.tolist() == [4, 4, 9]
+    assert Segments.from_points(feet, heads, track=np.array([4, 4, 9])).track.tolist() == [4, 4, 9]
 
 
 @pytest.mark.parametrize(
     ("name", "heads", "track"),
-    [("head_uv", np.zeros((3, 2)), None), ("track", np.zeros((2, 2)), [1, 2, 3])],
+    [("head_uv", np.zeros((3, 2)), None), ("track", np.zeros((2, 2)), np.array([1, 2, 3]))],
 )
-def test_feet_without_their_heads_are_refused(name, heads, track):
+def test_feet_without_their_heads_are_refused(unchecked, name, heads, track):
     with pytest.raises(InputError, match=f"segments: {name} has 3 rows, not 2"):
         Segments.from_points(np.zeros((2, 2)), heads, track=track)
 

@@ -23,18 +23,22 @@ def position_weights(
     foot: Float[np.ndarray, "2 n"],
     length: Float[np.ndarray, "n"],
     track: Int[np.ndarray, "n"],
+    correlation: float = 0.0,
 ) -> Float[np.ndarray, "n"]:
     """Weight of each sighting, so that a track counts as often as it is seen in a new place.
 
     The error of a person who stands still repeats itself from frame to frame; a thousand frames
-    of it are one observation (METHOD section 2, lesson 4).
+    of it are one observation (METHOD section 2, lesson 4). ``correlation`` is that of a person's
+    errors in different places (gait, posture, clothes): m places count as
+    ``m / (1 + (m - 1) correlation)`` (Kish's design effect).
     """
-    order = np.argsort(track, kind="stable")
     weights = np.ones(len(track))
+    repeated = np.flatnonzero(np.bincount(track)[track] > 1)
+    order = repeated[np.argsort(track[repeated], kind="stable")]
     starts = np.flatnonzero(np.diff(track[order], prepend=-1))
-    for rows in np.split(order, starts[1:]):
-        if len(rows) > 1:
-            weights[rows] = _places(foot[:, rows], length[rows]) / len(rows)
+    for rows in np.split(order, starts[1:]) if len(order) else []:
+        places = _places(foot[:, rows], length[rows])
+        weights[rows] = places / (1 + (places - 1) * correlation) / len(rows)
     return weights
 
 
@@ -62,22 +66,23 @@ def solve(problem: Problem, *, seed: int = 0) -> State | None:
         return None
     candidates: list[tuple[float, int, State]] = []
     for parameters in starts:
-        state = State(parameters, np.zeros(small.n_tracks), Noise().widened(SEARCH_WIDTH))
-        state = minimise(people_only, state, steps=8, tolerance=1e-3)
+        state = State(parameters, np.zeros(small.n_heights), Noise().widened(SEARCH_WIDTH))
+        state = minimise(people_only, state, steps=8, tolerance=0.1)
         candidates.append((linearise(people_only, state).cost, len(candidates), state))
     state = replace(min(candidates)[2], noise=Noise())
     if problem.lines is not None:
         state = _with_azimuth(small, state)
-    state = _with_noise(small, state)
+    state = _with_noise(small, state, NOISE_ROUNDS)
     if small is not problem:
-        state = _with_noise(problem, replace(state, delta_m=np.zeros(problem.n_tracks)))
-    return minimise(problem, state, steps=12, tolerance=1e-9)
+        state = replace(state, delta_m=np.zeros(problem.n_heights))
+        state = _with_noise(problem, state, 2)
+    return minimise(problem, state, steps=20, tolerance=1e-6)
 
 
-def _with_noise(problem: Problem, state: State) -> State:
+def _with_noise(problem: Problem, state: State, rounds: int) -> State:
     """Refine camera and noise in turns."""
-    for _ in range(NOISE_ROUNDS):
-        state = minimise(problem, state, steps=4, tolerance=1e-4)
+    for _ in range(rounds):
+        state = minimise(problem, state, steps=4, tolerance=1e-2)
         state = replace(state, noise=updated_noise(problem, state))
     return state
 
@@ -87,7 +92,7 @@ def _with_azimuth(problem: Problem, state: State) -> State:
     assert problem.lines is not None
     candidates: list[tuple[float, int, State]] = []
     for azimuth in best_azimuths(state.parameters, problem.lines):
-        trial = minimise(problem, replace(state, azimuth=azimuth), steps=15, tolerance=1e-4)
+        trial = minimise(problem, replace(state, azimuth=azimuth), steps=15, tolerance=1e-2)
         candidates.append((linearise(problem, trial).cost, len(candidates), trial))
     return min(candidates)[2] if candidates else state
 

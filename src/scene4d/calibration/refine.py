@@ -69,17 +69,35 @@ class Problem:
     lines: Lines | None = None
 
     @cached_property
-    def n_tracks(self) -> int:
-        """Number of tracks."""
-        return int(self.track.max()) + 1 if len(self.track) else 0
-
-    @cached_property
     def lone(self) -> Bool[np.ndarray, "n"]:
         """Who is seen once: its height cannot be told from noise, so it counts as noise."""
-        return np.bincount(self.track, minlength=self.n_tracks)[self.track] == 1
+        return np.bincount(self.track)[self.track] == 1
+
+    @cached_property
+    def tracked(self) -> Int[np.ndarray, "m"]:
+        """Rows of people who are seen more than once."""
+        return np.flatnonzero(~self.lone)
+
+    @cached_property
+    def person(self) -> Int[np.ndarray, "m"]:
+        """Which height each of the ``tracked`` rows has, 0 to ``n_heights - 1``."""
+        return np.unique(self.track[self.tracked], return_inverse=True)[1]
+
+    @cached_property
+    def n_heights(self) -> int:
+        """Number of people who are seen more than once, hence have a height of their own."""
+        return int(self.person.max()) + 1 if len(self.person) else 0
+
+    def heights_m(self, delta_m: Float[np.ndarray, "t"]) -> float | Float[np.ndarray, "n"]:
+        """Height of every sighting's person: the mean, and its own where it has one."""
+        if self.n_heights == 0:
+            return self.person_height_m
+        heights = np.full(len(self.track), self.person_height_m)
+        heights[self.tracked] += delta_m[self.person]
+        return heights
 
     def select(self, rows: np.ndarray) -> "Problem":
-        """The problem on some of its people; tracks are renumbered."""
+        """The problem on some of its people."""
         _, track = np.unique(self.track[rows], return_inverse=True)
         return replace(self, points=self.points.select(rows), track=track, weight=self.weight[rows])
 
@@ -117,8 +135,7 @@ class Linearisation:
 def linearise(problem: Problem, state: State) -> Linearisation:
     """Residuals, derivatives, weights and cost at ``state``."""
     points, noise = problem.points, state.noise
-    heights = problem.person_height_m + state.delta_m[problem.track]
-    predicted = predict_heads(state.parameters, points, heights)
+    predicted = predict_heads(state.parameters, points, problem.heights_m(state.delta_m))
     seen = points.head - points.foot
     length = np.sqrt((seen * seen).sum(axis=0))
     along, across = _spreads(problem, noise)
@@ -161,7 +178,7 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     return Linearisation(
         residual,
         np.where(ok, in_sigmas(by_parameter), 0.0),
-        np.where(ok & ~problem.lone, in_sigmas(by_height), 0.0),
+        in_sigmas(by_height),
         inlier,
         weight,
         force,
@@ -230,16 +247,21 @@ def normal_equations(problem: Problem, state: State, lin: Linearisation) -> Norm
         hessian += pulled @ lin.lines.derivative.T
         gradient += pulled @ lin.lines.residual
 
-    def per_track(values: np.ndarray) -> np.ndarray:
-        return np.bincount(problem.track, values, problem.n_tracks)
-
     stiffness = lin.height_weight / state.noise.height_m**2
-    information = per_track((lin.weight * lin.by_height**2).sum(axis=0)) + stiffness
-    height_gradient = per_track((lin.by_height * lin.force).sum(axis=0))
-    height_gradient += stiffness * state.delta_m
-    coupling = np.zeros((_N, problem.n_tracks))
-    for row, values in enumerate(weighted):
-        coupling[row] = per_track((values * lin.by_height).sum(axis=0))
+    information = stiffness.copy()
+    height_gradient = stiffness * state.delta_m
+    coupling = np.zeros((_N, problem.n_heights))
+    if problem.n_heights:
+        rows = problem.tracked
+        by_height = lin.by_height[:, rows]
+
+        def per_person(values: np.ndarray) -> np.ndarray:
+            return np.bincount(problem.person, values.sum(axis=0), problem.n_heights)
+
+        information += per_person(lin.weight[:, rows] * by_height**2)
+        height_gradient += per_person(by_height * lin.force[:, rows])
+        for index in np.flatnonzero(problem.prior.free):
+            coupling[index] = per_person(weighted[index][:, rows] * by_height)
     scaled = coupling / information
     return NormalEquations(
         hessian - scaled @ coupling.T,
@@ -250,8 +272,12 @@ def normal_equations(problem: Problem, state: State, lin: Linearisation) -> Norm
     )
 
 
-def minimise(problem: Problem, state: State, *, steps: int, tolerance: float = 1e-6) -> State:
-    """Levenberg-Marquardt from ``state``, with the noise held at the state's."""
+def minimise(problem: Problem, state: State, *, steps: int, tolerance: float) -> State:
+    """Levenberg-Marquardt from ``state``, with the noise held at the state's.
+
+    Stops when a step gains less than ``tolerance``. The cost is twice a negative logarithm of a
+    probability, so that a gain of 0.01 is a tenth of a standard deviation, whatever n.
+    """
     free = np.append(problem.prior.free, problem.lines is not None)
     lin = linearise(problem, state)
     damping = 1e-3
@@ -274,7 +300,7 @@ def minimise(problem: Problem, state: State, *, steps: int, tolerance: float = 1
             return state
         gain = lin.cost - attempt.cost
         state, lin, damping = trial, attempt, max(damping / 8, 1e-9)
-        if gain < tolerance * (1 + lin.cost):
+        if gain < tolerance:
             break
     return state
 
@@ -300,21 +326,24 @@ def updated_noise(problem: Problem, state: State) -> Noise:
     lin = linearise(problem, state)
     system = normal_equations(problem, state, lin)
     noise, box, lone = state.noise, problem.points.from_box, problem.lone
-    hidden = (1 / system.height_information)[problem.track] * lin.by_height[0] ** 2
+    hidden = np.zeros(len(problem.track))
+    hidden[problem.tracked] = (
+        lin.by_height[0, problem.tracked] ** 2 / system.height_information[problem.person]
+    )
     along2, across2 = lin.residual[0] ** 2 + hidden, lin.residual[1] ** 2
     weight_along, weight_across = lin.weight
 
     def spread(
         squares: np.ndarray, weight: np.ndarray, rows: np.ndarray, now: float, start: float
     ) -> float:
-        total, seen = float(weight[rows].sum()), float((weight * squares)[rows].sum())
-        value = np.sqrt((_PRIOR_COUNT * start**2 + seen * now**2) / (_PRIOR_COUNT + total))
+        total, found = float(weight[rows].sum()), float((weight * squares)[rows].sum())
+        value = np.sqrt((_PRIOR_COUNT * start**2 + found * now**2) / (_PRIOR_COUNT + total))
         return float(np.clip(value, *_NOISE_RANGE))
 
     first = Noise()
-    tracked = np.zeros(problem.n_tracks, bool)
-    tracked[problem.track[~lone & (lin.inlier > 0.5)]] = True
-    trust = np.where(tracked, lin.height_weight, 0.0)
+    seen = np.zeros(problem.n_heights, bool)
+    seen[problem.person[lin.inlier[problem.tracked] > 0.5]] = True
+    trust = np.where(seen, lin.height_weight, 0.0)
     height2 = float((trust * (state.delta_m**2 + 1 / system.height_information)).sum())
     height2 += float((weight_along * along2)[lone].sum()) * noise.height_m**2
     count = _PRIOR_COUNT + float(trust.sum()) + float(weight_along[lone].sum())

@@ -20,6 +20,7 @@ PARAMETERS: tuple[str, ...] = (
 """Order of the covariance's rows: log f, tilt, roll, log C_Z, and the fraction D by which the lens
 displaces the image's corner: ``k1 = D (f / half diagonal)²``, so that D does not move with f."""
 _STEP = 1e-5
+_ALIGN_POINTS = 300  # feet that say where the scene lies
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +88,12 @@ class Calibration:
         covariance = np.zeros((5, 5)) if self.covariance is None else self.covariance
         xy, jacobian, valid = self._ground_jacobian(uv)
         if not from_camera and self.segments is not None:
-            rows = slice(None) if self.inlier is None else self.inlier
-            at, moved, seen = self._ground_jacobian(self.segments.foot_uv[rows])
+            feet = (
+                self.segments.foot_uv
+                if self.inlier is None
+                else (self.segments.foot_uv[self.inlier])
+            )
+            at, moved, seen = self._ground_jacobian(feet[:: max(1, len(feet) // _ALIGN_POINTS)])
             if seen.sum() >= 2:
                 motion = np.linalg.lstsq(
                     _rigid_motions(at[seen]).reshape(-1, 3), moved[seen].reshape(-1, 5), rcond=None
@@ -102,8 +107,12 @@ class Calibration:
         undistorted, valid = camera.undistort(uv)
         xy, on_ground = camera.locate(undistorted)
         valid = valid & on_ground
+        known = np.ones(5, bool) if self.covariance is None else np.diag(self.covariance) == 0
         columns = []
         for index in range(len(PARAMETERS)):
+            if known[index]:
+                columns.append(np.zeros_like(xy))
+                continue
             ends = []
             for sign in (-1, 1):
                 step = np.zeros(5)

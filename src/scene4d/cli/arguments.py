@@ -1,0 +1,33 @@
+"""Options that several commands share, and the words that options are read from."""
+
+import math
+import re
+from typing import Annotated
+
+import typer
+
+Json = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON object to standard output, and nothing else."),
+]
+
+
+def parse_image_size(text: str) -> tuple[int, int]:
+    """``1920x1080`` as (width, height)."""
+    match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
+    if match is None or not (int(match[1]) and int(match[2])):
+        raise typer.BadParameter(f"{text!r} is no image size; write it as 1920x1080")
+    return int(match[1]), int(match[2])
+
+
+def parse_person_height(text: str) -> float:
+    """A mean height of people in metres."""
+    try:
+        height_m = float(text)
+    except ValueError:
+        height_m = math.nan
+    if not 0.5 <= height_m <= 2.5:
+        raise typer.BadParameter(
+            f"{text!r} is no mean height of people in metres, from 0.5 to 2.5; write it as 1.75"
+        )
+    return height_m

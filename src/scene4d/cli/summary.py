@@ -1,0 +1,60 @@
+"""The short account of a calibration."""
+
+from pathlib import Path
+
+import typer
+from rich.padding import Padding
+from rich.table import Table
+
+from scene4d.cli.guard import COULD_NOT
+from scene4d.cli.output import console, emit, emit_json, say
+from scene4d.model import Calibration
+from scene4d.report.words import parameter_rows, rounded_m
+
+PLAIN = str.maketrans({"\N{MINUS SIGN}": "-", "\N{NO-BREAK SPACE}": " ", "\u202f": " "})
+"""What people copy from a terminal must be what programs read."""
+
+
+def finish(found: Calibration, out: Path, *, as_json: bool, **more: str) -> None:
+    """Print the result, and end with exit code 1 and the reason where there is no camera.
+
+    ``more`` are further fields of the JSON object.
+    """
+    if as_json:
+        emit_json(found.to_dict() | {"out": str(out)} | more)
+    else:
+        emit(summary(found, out))
+    if not found:
+        say(f"scene4d: error: the camera is undetermined: {found.reason}")
+        raise typer.Exit(COULD_NOT)
+
+
+def summary(found: Calibration, out: Path) -> str:
+    """The camera with its uncertainty, the warnings, and where everything lies."""
+    screen = console()
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column(style="dim")
+    for row in _rows(found):
+        table.add_row(*(text.translate(PLAIN) for text in row))
+    with screen.capture() as captured:
+        screen.print(table)
+        for warning in found.warnings:
+            screen.print(Padding(f"Warning: {warning}", (1, 0, 0, 0)), style="yellow")
+        screen.print()
+        # Paths are never wrapped: people click on them and copy them.
+        screen.print(f"Report  {out / 'report.html'}", soft_wrap=True)
+        screen.print(f"Camera  {out / 'camera.json'}", soft_wrap=True)
+    return captured.get()
+
+
+def _rows(found: Calibration) -> list[tuple[str, str, str]]:
+    rows = [(row.name, row.value, row.meaning) for row in parameter_rows(found)] if found else []
+    if found and found.ground_error_m is not None:
+        median, p90 = (rounded_m(found.ground_error_m[name]) for name in ("median", "p90"))
+        rows.append(("Ground error", median, f"predicted median where people walked; 90 % {p90}"))
+    agree = "agree with the camera" if found else "agree with one camera"
+    of = f"of {found.people} sightings in {found.frames} frames {agree}"
+    rows.append(("People", str(found.inliers), of))
+    return rows
