@@ -1,6 +1,11 @@
-"""Shapes and types are checked at run time in every test (jaxtyping + beartype)."""
+"""Shapes and types are checked at run time in every test (jaxtyping + beartype).
+
+In continuous integration (the variable CI is set) a test that is skipped has failed: what was
+meant to be checked was not.
+"""
 
 import os
+from collections.abc import Generator
 from pathlib import Path
 
 import pytest
@@ -9,6 +14,7 @@ from jaxtyping import install_import_hook
 install_import_hook("scene4d", "beartype.beartype")
 
 SHARED = Path(os.environ.get("SCENE4D_DATA", Path(__file__).parents[2] / "shared" / "data"))
+IN_CI = os.environ.get("CI", "").lower() not in {"", "0", "false"}
 
 
 @pytest.fixture(scope="session")
@@ -17,3 +23,21 @@ def shared_data() -> Path:
     if not SHARED.is_dir():
         pytest.skip(f"the real recordings are not at {SHARED}; set SCENE4D_DATA")
     return SHARED
+
+
+def _fail_a_skip(report):
+    if IN_CI and report.skipped and not hasattr(report, "wasxfail"):
+        report.outcome = "failed"
+        *_, reason = report.longrepr
+        report.longrepr = f"{reason}\nIn CI a skipped test is a failure."
+    return report
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    return _fail_a_skip((yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    return _fail_a_skip((yield))

@@ -1,13 +1,15 @@
 """The program ``scene4d``: its commands, and what concerns all of them."""
 
-from typing import Annotated
+import inspect
+from collections.abc import Callable
+from typing import Annotated, Any
 
 import typer
 
 from scene4d.cli.calibrate import calibrate
 from scene4d.cli.demo import demo
 from scene4d.cli.export import export
-from scene4d.cli.models import models
+from scene4d.cli.models import fetch_models, list_models
 from scene4d.cli.output import emit
 
 _EPILOG = """
@@ -29,6 +31,15 @@ app = typer.Typer(
 )
 
 
+def reflowed(doc: str | None) -> str:
+    """A docstring whose paragraphs are one line each, so that they wrap at the terminal's width.
+
+    Lines that are indented, the examples, stay as they are.
+    """
+    paragraphs = inspect.cleandoc(doc or "").split("\n\n")
+    return "\n\n".join(p if p.startswith(" ") else " ".join(p.split()) for p in paragraphs)
+
+
 def _version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
@@ -47,7 +58,15 @@ def scene4d(
     """Turn a fixed camera into a metric sensor, from the people who walk through its footage."""
 
 
-app.command()(calibrate)
-app.command()(export)
-app.add_typer(models, name="models")
-app.command()(demo)
+def _add(to: typer.Typer, name: str, command: Callable[..., Any]) -> None:
+    to.command(name, help=reflowed(command.__doc__))(command)
+
+
+_models = typer.Typer(rich_markup_mode="rich")
+_models.callback(invoke_without_command=True, help=reflowed(list_models.__doc__))(list_models)
+_add(_models, "fetch", fetch_models)
+
+_add(app, "calibrate", calibrate)
+_add(app, "export", export)
+_add(app, "demo", demo)
+app.add_typer(_models, name="models")

@@ -16,7 +16,9 @@ def parse_image_size(text: str) -> tuple[int, int]:
     """``1920x1080`` as (width, height)."""
     match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
     if match is None or not (int(match[1]) and int(match[2])):
-        raise typer.BadParameter(f"{text!r} is no image size; write it as 1920x1080")
+        raise typer.BadParameter(
+            f"{text!r} is no image size; write it as 1920x1080", param_hint="--image-size"
+        )
     return int(match[1]), int(match[2])
 
 

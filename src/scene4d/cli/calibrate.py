@@ -66,9 +66,8 @@ def calibrate(
         ),
     ] = None,
     image_size: Annotated[
-        tuple[int, int] | None,
+        str | None,
         typer.Option(
-            parser=parse_image_size,
             metavar="WxH",
             help="Size of the images that the annotations were made on, if there is no SOURCE.",
             rich_help_panel=_FOOTAGE,
@@ -151,12 +150,10 @@ def calibrate(
     [bold]Examples[/bold]
 
       scene4d calibrate street.mp4 --out street
-
-      scene4d calibrate rtsp://10.0.0.7/main --out gate --frames 200
-
-      scene4d calibrate "frames/*.jpg" --out yard --lens lens.yaml --person-height 1.75
-
-      scene4d calibrate --annotations gt.txt --image-size 1920x1080 --lens lens.yaml --out mot
+      scene4d calibrate "frames/*.jpg" --out yard --lens lens.yaml
+      scene4d calibrate rtsp://10.0.0.7/main --out gate --person-height 1.75
+      scene4d calibrate --annotations gt.txt --image-size 1920x1080 \\
+          --lens lens.yaml --out mot
 
     A camera that the people do not determine ends with exit code 1; camera.json and the report
     then say what is missing.
@@ -178,7 +175,7 @@ def calibrate(
     options = Options(
         lens=lens,
         annotations=annotations,
-        image_size=image_size,
+        image_size=None if image_size is None else parse_image_size(image_size),
         person_height_m=person_height_m,
         method=method.value,
         orientation=orientation,

@@ -7,7 +7,7 @@ import typer
 
 from scene4d.cli.arguments import Json
 from scene4d.cli.guard import guarded
-from scene4d.cli.output import say
+from scene4d.cli.output import emit, say
 from scene4d.errors import OutputError, UnavailableError
 
 if TYPE_CHECKING:
@@ -29,14 +29,14 @@ def demo(
 ) -> None:
     """Calibrate the camera of a sample video, and say where the report lies.
 
-    The sample is 80 seconds of people on a campus (PETS 2009, University of Reading). It and the
-    networks are fetched once, about 45 and 10 MB. Where they cannot be had, the demo says so and
-    goes on from people that scene4d detected in this video beforehand.
+    The sample is 80 seconds of people on a campus (PETS 2009, University of Reading), whose true
+    camera is published. It and the networks are fetched once, about 100 and 45 MB. Where they
+    cannot be had, the demo says so and goes on from people that scene4d detected in this video
+    beforehand.
 
     [bold]Examples[/bold]
 
       scene4d demo
-
       scene4d demo --out /tmp/demo --json
     """
     from scene4d.cli.calibrate import command_line
@@ -50,7 +50,7 @@ def demo(
         write(result, out, command=command_line(), progress=progress)
     finish(result.calibration, out, as_json=as_json, people_from=people)
     if not as_json:
-        say(f"The published calibration of this camera: {PUBLISHED}.")
+        emit(f"\nThe published calibration of this camera: {PUBLISHED}.\n")
 
 
 def _calibrated(progress: "Progress") -> "tuple[Run, str]":

@@ -53,9 +53,7 @@ def export(
     [bold]Examples[/bold]
 
       scene4d export street/camera.json --to opencv-yaml --out street.yml
-
       scene4d export street/camera.json --to colmap --out street/sparse
-
       scene4d export street.krtd --to json --out camera.json
 
     ROS camera_info holds the lens alone. DeepStream and the bare 3x4 matrix hold no distortion:

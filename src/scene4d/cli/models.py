@@ -6,15 +6,12 @@ import typer
 
 from scene4d.cli.arguments import Json
 from scene4d.cli.guard import guarded
-from scene4d.cli.output import console, emit, emit_json
+from scene4d.cli.output import emit_json, screen
 
 if TYPE_CHECKING:
     from scene4d.perception.weights import WeightStatus
 
-models = typer.Typer(rich_markup_mode="rich")
 
-
-@models.callback(invoke_without_command=True)
 @guarded
 def list_models(context: typer.Context, as_json: Json = False) -> None:
     """List the networks, and whether they are here; [bold]fetch[/bold] gets what is missing.
@@ -26,9 +23,7 @@ def list_models(context: typer.Context, as_json: Json = False) -> None:
     [bold]Examples[/bold]
 
       scene4d models
-
       scene4d models fetch
-
       SCENE4D_CACHE=/srv/scene4d scene4d models fetch --json
     """
     if context.invoked_subcommand is None:
@@ -37,9 +32,8 @@ def list_models(context: typer.Context, as_json: Json = False) -> None:
         context.obj = as_json
 
 
-@models.command()
 @guarded
-def fetch(context: typer.Context, as_json: Json = False) -> None:
+def fetch_models(context: typer.Context, as_json: Json = False) -> None:
     """Get the networks that are missing, about 45 MB, and check those that are here.
 
     [bold]Example[/bold]: [bold]scene4d models fetch[/bold] before a machine goes off the network.
@@ -69,16 +63,15 @@ def _show(*, as_json: bool) -> None:
         verified = ("yes" if row.verified else "NO: damaged") if row.present else "-"
         size = f"{row.bytes / 1e6:.1f} MB"
         table.add_row(row.name, size, "yes" if row.present else "no", verified, row.licence)
-    screen = console()
-    with screen.capture() as captured:
-        screen.print(table)
-        screen.print()
+    width = max(len(row.name) for row in rows)
+    with screen() as console:
+        console.print(table)
+        console.print()
         for row in rows:
-            screen.print(f"{row.name}  {row.file}", soft_wrap=True)
+            console.print(f"{row.name:{width}}  {row.file}", soft_wrap=True)
         if not all(row.present for row in rows):
-            screen.print("\nWhat is missing is fetched when it is first used, or now with")
-            screen.print("scene4d models fetch", style="bold")
-    emit(captured.get())
+            console.print("\nWhat is missing is fetched when it is first used, or now by")
+            console.print("scene4d models fetch", style="bold")
 
 
 def _fields(row: "WeightStatus") -> dict[str, Any]:

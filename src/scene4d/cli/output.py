@@ -3,13 +3,17 @@
 import json
 import os
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from scene4d.errors import OutputError
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+PIPE_COLUMNS = 100
+"""Width of what is drawn where there is no terminal."""
 
 
 def say(text: str) -> None:
@@ -44,12 +48,16 @@ def emit_json(values: dict[str, Any]) -> None:
     emit(json.dumps(values, indent=1, allow_nan=False) + "\n")
 
 
-def console() -> "Console":
-    """A console as wide and colourful as stdout is; print into its ``capture`` and emit that."""
+@contextmanager
+def screen() -> Iterator["Console"]:
+    """A console as wide and colourful as stdout is; what was drawn on it is emitted at the end."""
     from rich.console import Console
 
-    width = None if sys.stdout is not None and sys.stdout.isatty() else 100
-    return Console(width=width, highlight=False, markup=False)
+    width = None if sys.stdout is not None and sys.stdout.isatty() else PIPE_COLUMNS
+    console = Console(width=width, highlight=False, markup=False)
+    with console.capture() as captured:
+        yield console
+    emit("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
 
 
 def _encodable(text: str, encoding: str | None) -> str:

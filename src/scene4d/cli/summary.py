@@ -3,11 +3,10 @@
 from pathlib import Path
 
 import typer
-from rich.padding import Padding
 from rich.table import Table
 
 from scene4d.cli.guard import COULD_NOT
-from scene4d.cli.output import console, emit, emit_json, say
+from scene4d.cli.output import emit_json, say, screen
 from scene4d.model import Calibration
 from scene4d.report.words import parameter_rows, rounded_m
 
@@ -23,30 +22,27 @@ def finish(found: Calibration, out: Path, *, as_json: bool, **more: str) -> None
     if as_json:
         emit_json(found.to_dict() | {"out": str(out)} | more)
     else:
-        emit(summary(found, out))
+        show(found, out)
     if not found:
         say(f"scene4d: error: the camera is undetermined: {found.reason}")
         raise typer.Exit(COULD_NOT)
 
 
-def summary(found: Calibration, out: Path) -> str:
+def show(found: Calibration, out: Path) -> None:
     """The camera with its uncertainty, the warnings, and where everything lies."""
-    screen = console()
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(style="bold", no_wrap=True)
     table.add_column(no_wrap=True)
     table.add_column(style="dim")
     for row in _rows(found):
         table.add_row(*(text.translate(PLAIN) for text in row))
-    with screen.capture() as captured:
-        screen.print(table)
+    with screen() as console:
+        console.print(table)
         for warning in found.warnings:
-            screen.print(Padding(f"Warning: {warning}", (1, 0, 0, 0)), style="yellow")
-        screen.print()
+            console.print(f"\nWarning: {warning}", style="yellow")
         # Paths are never wrapped: people click on them and copy them.
-        screen.print(f"Report  {out / 'report.html'}", soft_wrap=True)
-        screen.print(f"Camera  {out / 'camera.json'}", soft_wrap=True)
-    return captured.get()
+        console.print(f"\nReport  {out / 'report.html'}", soft_wrap=True)
+        console.print(f"Camera  {out / 'camera.json'}", soft_wrap=True)
 
 
 def _rows(found: Calibration) -> list[tuple[str, str, str]]:

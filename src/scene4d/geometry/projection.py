@@ -58,7 +58,7 @@ def locate(
         size_u = np.abs(P[0, :2, None]) + np.abs(u * P[2, :2, None])
         size_v = np.abs(P[1, :2, None]) + np.abs(v * P[2, :2, None])
         scale = size_u[0] * size_v[1] + size_u[1] * size_v[0]
-        solvable = np.isfinite(det) & (np.abs(det) > 1e-12 * scale)
+        solvable = np.abs(det) > 1e-12 * scale  # false where either is not a number
         xy = np.column_stack([e * d - b * f, a * f - e * c]) / det[:, None]
         depth = xy @ P[2, :2] + offset[2]
     valid = solvable & (depth > MIN_DEPTH_M)
