@@ -15,14 +15,12 @@ RUNTIME := $(VENV)/.runtime-$(PYTHON_VERSION)
 DEV := $(VENV)/.dev-$(PYTHON_VERSION)
 
 # Exact versions everywhere, in the isolated build too (newer pips read only the second variable
-# there). No byte code: it is an eighth of the room, and Python writes what is used. The option, not
-# its variable: pip takes PIP_NO_COMPILE=1 for "compile".
-export PIP_CONSTRAINT := constraints.txt
-export PIP_BUILD_CONSTRAINT := constraints.txt
-export PIP_NO_INPUT := 1
-export PIP_DISABLE_PIP_VERSION_CHECK := 1
-export PIP_ROOT_USER_ACTION := ignore
-INSTALL := $(BIN)/python -m pip --quiet install --no-compile
+# there). No byte code: it is an eighth of the room, and Python writes what is used. Both hold for
+# these commands alone: scene4d itself calls pip, to fetch weights.
+CONSTRAINED := PIP_CONSTRAINT=constraints.txt PIP_BUILD_CONSTRAINT=constraints.txt
+PIP := PIP_NO_INPUT=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore \
+	$(BIN)/python -m pip --quiet
+INSTALL := $(CONSTRAINED) $(PIP) install --no-compile
 
 .PHONY: help demo test lint types layers pytest format install-size clean
 .DELETE_ON_ERROR:
@@ -58,6 +56,7 @@ install-size:
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 
+# Python 3.11 puts setuptools into every environment; nothing here uses it.
 $(RUNTIME): pyproject.toml constraints.txt
 	@case "$(PYTHON_VERSION)" in 3.11|3.12|3.13) ;; \
 	"") echo >&2 "$(PYTHON) does not run: install python3, or name one: make PYTHON=python3.12"; exit 1 ;; \
@@ -68,7 +67,7 @@ $(RUNTIME): pyproject.toml constraints.txt
 	@rm -rf $(VENV)
 	@$(PYTHON) -m venv $(VENV)
 	@$(INSTALL) pip
-	@$(BIN)/python -m pip --quiet uninstall --yes setuptools  # Python 3.11 brings it; nothing here uses it
+	@$(PIP) --quiet uninstall --yes setuptools
 	@$(INSTALL) --editable .
 	@touch $@
 

@@ -3,7 +3,7 @@
     python benchmarks/speed.py [--data DIR]
 
 The solver on synthetic people (10 % truncated); `scene4d calibrate` on the PETS video by stage; the
-time until `scene4d --help` has printed. Close other programs first: two busy cores double everything.
+time until `scene4d --help` has printed. Close other programs first: busy cores double everything.
 """
 
 import argparse
@@ -72,7 +72,8 @@ def whole(video: Path, out: Path) -> None:
 
 
 def startup() -> None:
-    for arguments in (["-c", "import scene4d"], ["-m", "scene4d.cli", "--help"]):
+    command = "from scene4d.cli import main; main()"
+    for arguments in (["-c", "import scene4d"], ["-c", command, "--help"]):
         seconds = []
         for _ in range(7):
             begun = time.perf_counter()

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import draw_scene, half_diagonal
-from strategies import build_camera, build_lens
+from strategies import build_camera, build_lens, ground_in_view
 
 from scene4d.calibration.body import Points
 from scene4d.calibration.lines import Lines, best_azimuths, directions, line_terms
@@ -22,16 +22,18 @@ def town(camera: Camera, n: int, rng: np.random.Generator, noise_px: float = 0.7
     """End points (n, 4) of edges along up and two horizontal directions, as seen with noise."""
     c, s = np.cos(AZIMUTH), np.sin(AZIMUTH)
     axes = np.array([[0, 0, 1.0], [c, s, 0], [-s, c, 0]])
-    found: list[np.ndarray] = []
+    found = [np.empty((0, 4))]
     last = np.array(camera.image_size) - 1
-    while len(found) < n:
-        start = np.array([*rng.uniform([-20, 3], [20, 60]), rng.uniform(0, 6)])
-        end = start + axes[len(found) % 3] * rng.uniform(1, 5)
-        uv, seen = camera.project(np.stack([start, end]))
-        inside = seen.all() and (uv >= 0).all() and (uv <= last).all()
-        if inside and np.hypot(*(uv[1] - uv[0])) > 40:
-            found.append(camera.distort(uv).reshape(-1))
-    return np.array(found) + noise_px * rng.normal(size=(n, 4))
+    while sum(map(len, found)) < n:
+        start, _ = ground_in_view(camera, rng.uniform(size=(3 * n, 2)))
+        start = start + np.array([0, 0, 1.0]) * rng.uniform(0, 3, (3 * n, 1))
+        end = start + axes[np.arange(3 * n) % 3] * rng.uniform(1, 5, (3 * n, 1))
+        ends = np.stack([camera.project(start)[0], camera.project(end)[0]], axis=1)
+        inside = ((ends >= 0) & (ends <= last)).all(axis=(1, 2))
+        inside &= np.hypot(*(ends[:, 1] - ends[:, 0]).T) > 40
+        found.append(camera.distort(ends[inside].reshape(-1, 2)).reshape(-1, 4))
+    edges = np.concatenate(found)
+    return edges[:n] + noise_px * rng.normal(size=(n, 4))
 
 
 def chaos(camera: Camera, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -143,7 +145,7 @@ def test_a_town_pulls_a_biased_prior_to_the_truth(seed):
     problem = Problem(nobody(), np.empty(0, int), np.empty(0), 1.7, biased, lines)
     start = State(biased.mean, np.empty(0), Noise())
     candidates = [
-        minimise(problem, State(start.parameters, start.delta_m, Noise(), azimuth), steps=50)
+        minimise(problem, State(start.parameters, start.delta_m, Noise(), azimuth), steps=50, tolerance=1e-9)
         for azimuth in best_azimuths(start.parameters, lines)
     ]
     found = min(candidates, key=lambda state: linearise(problem, state).cost)
@@ -164,14 +166,14 @@ def _solved(scene, lines=None):
 
 
 def test_lines_help_few_people_and_chaos_does_not_move_them():
-    """Over 20 views of 12 people: error in tilt falls with a town, and stays with random lines."""
+    """Over 12 views of 12 people: error in tilt falls with a town, and stays with random lines."""
     error, moved, claimed = {"none": [], "town": []}, [], []
-    for seed in range(20):
+    for seed in range(12):
         scene = draw_scene(seed, 12, fov_deg=55.0, tilt_deg=22.0, height_m=7.0)
         rng = np.random.default_rng(seed)
         alone = _solved(scene)
-        helped = _solved(scene, town(scene.camera, 200, rng))
-        troubled = _solved(scene, chaos(scene.camera, 200, rng))
+        helped = _solved(scene, town(scene.camera, 120, rng))
+        troubled = _solved(scene, chaos(scene.camera, 120, rng))
         assert alone
         assert helped
         assert troubled
@@ -197,5 +199,17 @@ def test_no_lines_are_no_information():
     empty = _solved(scene, np.empty((0, 4)))
     assert alone
     np.testing.assert_array_equal(alone.camera.P, empty.camera.P)
-    outside = _solved(scene, np.full((3, 4), np.nan))
-    np.testing.assert_allclose(alone.camera.P, outside.camera.P, rtol=1e-6)
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_few_lines_that_say_nothing_of_the_azimuth_are_no_obstacle(count):
+    """Uprights alone leave the azimuth free, and lines without ends in the image leave all free."""
+    scene = draw_scene(1, 40, fov_deg=55.0, tilt_deg=22.0, height_m=7.0)
+    camera = scene.camera
+    foot = np.array([[-3.0, 14, 0], [0, 18, 0], [4, 15, 0]])[:count]
+    ends = [camera.project(p)[0] for p in (foot, foot + [0, 0, 2.0])]
+    uprights = np.column_stack(ends) if count else np.full((3, 4), np.nan)
+    alone, helped = _solved(scene), _solved(scene, uprights)
+    assert helped
+    np.testing.assert_allclose(helped.camera.height_m, alone.camera.height_m, rtol=0.02)
+    assert helped.sigma["tilt_deg"] <= 1.001 * alone.sigma["tilt_deg"]

@@ -48,7 +48,9 @@ def test_projection_through_the_lens_against_opencv(camera, points):
     assume(valid.any())
     rotation, _ = cv2.Rodrigues(camera.R)
     expected, _ = cv2.projectPoints(points[valid], rotation, camera.t, camera.K, camera.distortion)
-    seen = (np.abs(uv[valid]) < 1e5).all(axis=1)
+    # Far outside the image the polynomial's terms cancel, and rounding shows.
+    size = np.array(camera.image_size)
+    seen = ((uv[valid] > -size) & (uv[valid] < 2 * size)).all(axis=1)
     np.testing.assert_allclose(
         camera.distort(uv[valid])[seen], expected[:, 0][seen], rtol=1e-9, atol=1e-6
     )

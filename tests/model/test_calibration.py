@@ -100,6 +100,7 @@ def test_what_is_undetermined_has_a_reason_and_no_camera():
     assert values["status"] == "undetermined"
     assert values["reason"] == "all people stand at one distance"
     assert values["schema"] == "scene4d/camera/1"
+    assert values["image_size"] == [1280, 720]
     assert not {"K", "R", "t", "P", "focal_px", "sigma", "covariance"} & set(values)
 
 

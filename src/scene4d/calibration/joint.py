@@ -11,6 +11,8 @@ from scene4d.calibration.refine import Noise, Problem, State, linearise, minimis
 
 SEARCH_PEOPLE = 250
 """So many people are enough to choose among starting points; all of them refine the winner."""
+NOISE_PEOPLE = 4_000
+"""So many people tell the noise to one per cent."""
 STARTS = 3
 SEARCH_WIDTH = 2.0
 """The search believes in so many times the usual noise, so that it sees far people too."""
@@ -57,7 +59,7 @@ def _places(foot: np.ndarray, length: np.ndarray) -> int:
 
 def solve(problem: Problem, *, seed: int = 0) -> State | None:
     """The best camera found, or None where no starting point is possible at all."""
-    small = _thinned(problem, seed)
+    small = _thinned(problem, SEARCH_PEOPLE, seed)
     people_only = replace(small, lines=None)
     starts = starting_points(
         small.points, small.weight, small.person_height_m, small.prior, keep=STARTS
@@ -67,16 +69,19 @@ def solve(problem: Problem, *, seed: int = 0) -> State | None:
     candidates: list[tuple[float, int, State]] = []
     for parameters in starts:
         state = State(parameters, np.zeros(small.n_heights), Noise().widened(SEARCH_WIDTH))
-        state = minimise(people_only, state, steps=8, tolerance=0.1)
+        state = minimise(people_only, state, steps=4, tolerance=0.1)
         candidates.append((linearise(people_only, state).cost, len(candidates), state))
-    state = replace(min(candidates)[2], noise=Noise())
+    state = minimise(people_only, min(candidates)[2], steps=6, tolerance=0.1)
+    state = replace(state, noise=Noise())
     if problem.lines is not None:
         state = _with_azimuth(small, state)
     state = _with_noise(small, state, NOISE_ROUNDS)
-    if small is not problem:
+    middle = _thinned(problem, NOISE_PEOPLE, seed)
+    if middle is not small:
+        state = _with_noise(middle, replace(state, delta_m=np.zeros(middle.n_heights)), 2)
+    if middle is not problem:
         state = replace(state, delta_m=np.zeros(problem.n_heights))
-        state = _with_noise(problem, state, 2)
-    return minimise(problem, state, steps=20, tolerance=1e-6)
+    return minimise(problem, state, steps=20, tolerance=1e-5)
 
 
 def _with_noise(problem: Problem, state: State, rounds: int) -> State:
@@ -97,9 +102,9 @@ def _with_azimuth(problem: Problem, state: State) -> State:
     return min(candidates)[2] if candidates else state
 
 
-def _thinned(problem: Problem, seed: int) -> Problem:
+def _thinned(problem: Problem, people: int, seed: int) -> Problem:
     n = len(problem.track)
-    if n <= SEARCH_PEOPLE:
+    if n <= people:
         return problem
     rng = np.random.default_rng(seed)
-    return problem.select(np.sort(rng.choice(n, SEARCH_PEOPLE, replace=False)))
+    return problem.select(np.sort(rng.choice(n, people, replace=False)))

@@ -1,15 +1,14 @@
 """The program ``scene4d``: its commands, and what concerns all of them."""
 
 import inspect
-from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from scene4d.cli.calibrate import calibrate
 from scene4d.cli.demo import demo
 from scene4d.cli.export import export
-from scene4d.cli.models import fetch_models, list_models
+from scene4d.cli.models import models
 from scene4d.cli.output import emit
 
 _EPILOG = """
@@ -40,12 +39,13 @@ def reflowed(doc: str | None) -> str:
     return "\n\n".join(p if p.startswith(" ") else " ".join(p.split()) for p in paragraphs)
 
 
-def _version(wanted: bool) -> None:
+def _version(wanted: bool) -> bool:
     if wanted:
         from importlib.metadata import version
 
         emit(f"scene4d {version('scene4d')}\n")
         raise typer.Exit
+    return wanted
 
 
 @app.callback()
@@ -58,15 +58,5 @@ def scene4d(
     """Turn a fixed camera into a metric sensor, from the people who walk through its footage."""
 
 
-def _add(to: typer.Typer, name: str, command: Callable[..., Any]) -> None:
-    to.command(name, help=reflowed(command.__doc__))(command)
-
-
-_models = typer.Typer(rich_markup_mode="rich")
-_models.callback(invoke_without_command=True, help=reflowed(list_models.__doc__))(list_models)
-_add(_models, "fetch", fetch_models)
-
-_add(app, "calibrate", calibrate)
-_add(app, "export", export)
-_add(app, "demo", demo)
-app.add_typer(_models, name="models")
+for _command in (calibrate, export, models, demo):
+    app.command(help=reflowed(_command.__doc__))(_command)

@@ -30,6 +30,7 @@ def parse_person_height(text: str) -> float:
         height_m = math.nan
     if not 0.5 <= height_m <= 2.5:
         raise typer.BadParameter(
-            f"{text!r} is no mean height of people in metres, from 0.5 to 2.5; write it as 1.75"
+            f"{text!r} is no mean height of people in metres, from 0.5 to 2.5; write it as 1.75",
+            param_hint="--person-height",
         )
     return height_m

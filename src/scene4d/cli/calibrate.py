@@ -83,17 +83,14 @@ def calibrate(
             rich_help_panel=_FOOTAGE,
         ),
     ] = False,
-    person_height_m: Annotated[
-        float,
+    person_height: Annotated[
+        str,
         typer.Option(
-            "--person-height",
-            parser=parse_person_height,
             metavar="METRES",
             help="Mean height of the people, shoes included: the scale of everything.",
             rich_help_panel=_KNOWN,
-            show_default="1.70",
         ),
-    ] = 1.70,
+    ] = "1.70",
     lens: Annotated[
         Path | None,
         typer.Option(
@@ -158,6 +155,8 @@ def calibrate(
     A camera that the people do not determine ends with exit code 1; camera.json and the report
     then say what is missing.
     """
+    size = None if image_size is None else parse_image_size(image_size)
+    height_m = parse_person_height(person_height)
     if source is None and (annotations is None or image_size is None):
         raise typer.BadParameter(
             "give footage, or both --annotations and --image-size", param_hint="SOURCE"
@@ -175,8 +174,8 @@ def calibrate(
     options = Options(
         lens=lens,
         annotations=annotations,
-        image_size=None if image_size is None else parse_image_size(image_size),
-        person_height_m=person_height_m,
+        image_size=size,
+        person_height_m=height_m,
         method=method.value,
         orientation=orientation,
         estimate_focal=estimate_focal,

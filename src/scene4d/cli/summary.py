@@ -38,11 +38,21 @@ def show(found: Calibration, out: Path) -> None:
         table.add_row(*(text.translate(PLAIN) for text in row))
     with screen() as console:
         console.print(table)
-        for warning in found.warnings:
-            console.print(f"\nWarning: {warning}", style="yellow")
+        if found.warnings:
+            console.print()
+            console.print(_warnings(found), style="yellow")
         # Paths are never wrapped: people click on them and copy them.
-        console.print(f"\nReport  {out / 'report.html'}", soft_wrap=True)
-        console.print(f"Camera  {out / 'camera.json'}", soft_wrap=True)
+        console.print(f"\nReport   {out / 'report.html'}", soft_wrap=True)
+        console.print(f"Camera   {out / 'camera.json'}", soft_wrap=True)
+
+
+def _warnings(found: Calibration) -> Table:
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for warning in found.warnings:
+        table.add_row("Warning", warning)
+    return table
 
 
 def _rows(found: Calibration) -> list[tuple[str, str, str]]:
@@ -50,7 +60,10 @@ def _rows(found: Calibration) -> list[tuple[str, str, str]]:
     if found and found.ground_error_m is not None:
         median, p90 = (rounded_m(found.ground_error_m[name]) for name in ("median", "p90"))
         rows.append(("Ground error", median, f"predicted median where people walked; 90 % {p90}"))
-    agree = "agree with the camera" if found else "agree with one camera"
-    of = f"of {found.people} sightings in {found.frames} frames {agree}"
-    rows.append(("People", str(found.inliers), of))
+    where = f"{found.frames} frame{'' if found.frames == 1 else 's'}"
+    if found:
+        of = f"of {found.people} sightings in {where} agree with the camera"
+        rows.append(("People", str(found.inliers), of))
+    else:
+        rows.append(("People", str(found.people), f"sightings in {where}"))
     return rows
