@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scene4d import geometry
@@ -206,6 +206,7 @@ def test_no_lens_serves_an_empty_image(size):
 # camera.json
 
 
+@settings(max_examples=30)
 @given(camera=cameras(anywhere=True))
 def test_file_round_trip_is_exact(tmp_path_factory, camera):
     path = tmp_path_factory.mktemp("camera") / "camera.json"

@@ -24,7 +24,7 @@ def models(
     action: Annotated[
         Action | None,
         typer.Argument(
-            metavar="[fetch]", help="Get what is missing, about 45 MB, and check what is here."
+            metavar="fetch", help="Get what is missing, about 45 MB, and check what is here."
         ),
     ] = None,
     as_json: Json = False,

@@ -1,0 +1,133 @@
+"""The demo, and the people that come with the package for machines without a network."""
+
+import json
+import shutil
+from importlib.resources import files
+
+import cv2
+import numpy as np
+import pytest
+from defusedxml import ElementTree
+
+from scene4d.calibration import person_segments
+from scene4d.cli.demo import PUBLISHED
+from scene4d.errors import UnavailableError
+from scene4d.formats.cameras import read_camera
+from scene4d.formats.demo import FILE_NAME, IMAGE_SIZE, demo_columns, demo_detections
+
+
+@pytest.fixture
+def no_network(tmp_path, monkeypatch):
+    """An empty cache, and no source that answers."""
+    monkeypatch.setenv("SCENE4D_CACHE", str(tmp_path / "cache"))
+
+    def nothing(*_: object, **__: object) -> None:
+        raise UnavailableError("the network is\nclosed")
+
+    monkeypatch.setattr("scene4d.video.sample.SOURCES", ())
+    monkeypatch.setattr("scene4d.perception.weights.fetch_all", nothing)
+    return tmp_path / "cache"
+
+
+def test_without_a_network_it_ends_with_camera_and_report_and_says_so(run, no_network, tmp_path):
+    out = tmp_path / "out"
+    done = run("demo", "--out", out, "--json")
+    assert done.exit_code == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["status"] == "ok" and found["people_from"] == "embedded table"
+    assert found["height_m"] == pytest.approx(7.07, rel=0.1)
+    assert found["tilt_deg"] == pytest.approx(16.48, abs=2)
+    assert any("sample video could not be had" in w for w in found["warnings"])
+    assert "vtest.avi" in done.stderr and "going on from people" in done.stderr
+    assert all(line.startswith("scene4d: ") for line in done.stderr.splitlines())
+    assert "could not be had" in (out / "report.html").read_text()
+    assert (out / "figures" / "overlay.png").exists()
+
+
+@pytest.mark.shared_data
+def test_with_the_video_but_no_networks_the_report_shows_the_scene(
+    run, no_network, pets, tmp_path, monkeypatch
+):
+    (no_network / "samples").mkdir(parents=True)
+    shutil.copy(pets, no_network / "samples" / "vtest.avi")
+    shown = []
+    monkeypatch.setattr("scene4d.report.page._draw", lambda *a: shown.append(a[1]) or {})
+    done = run("demo", "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.stderr
+    assert "networks could not be had" in " ".join(done.stdout.split())
+    assert "the network is closed" in done.stderr
+    assert PUBLISHED in done.stdout and str(tmp_path / "out" / "report.html") in done.stdout
+    assert shown[0].shape == (576, 768, 3)
+
+
+@pytest.mark.weights
+@pytest.mark.shared_data
+def test_a_damaged_network_is_no_reason_to_fall_back(run, tmp_path, pets, monkeypatch):
+    from scene4d.perception.weights import WEIGHTS
+
+    for name in ("samples", "weights"):
+        (tmp_path / name).mkdir()
+    shutil.copy(pets, tmp_path / "samples" / "vtest.avi")
+    for weight in WEIGHTS:
+        (tmp_path / "weights" / weight.file).write_bytes(b"damaged")
+    monkeypatch.setenv("SCENE4D_CACHE", str(tmp_path))
+    done = run("demo", "--out", tmp_path / "out")
+    assert done.exit_code == 1 and "SHA-256" in done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.weights
+@pytest.mark.shared_data
+def test_the_embedded_people_are_those_of_the_video(networks, pets):
+    """A fifth of the table is made anew from the footage."""
+    from types import SimpleNamespace
+
+    from scene4d.perception.people import PeopleDetector, detect_people
+
+    table = demo_detections()
+    frames = np.unique(table.frame)[::20]
+    video = cv2.VideoCapture(str(pets))
+    images = {}
+    for index in range(frames[-1] + 1):
+        video.grab()
+        if index in frames:
+            images[index] = video.retrieve()[1]
+    anew = detect_people(
+        [SimpleNamespace(index=int(i), time_s=i / 10, image_bgr=images[i]) for i in frames],
+        PeopleDetector.default(),
+    )
+    kept = table.select(np.isin(table.frame, frames))
+    assert len(kept) == len(anew)
+    np.testing.assert_array_equal(kept.frame, anew.frame)
+    np.testing.assert_allclose(kept.box_xyxy, anew.box_xyxy, atol=0.5)
+    here = [anew.keypoint_names.index(name) for name in kept.keypoint_names]
+    sure = kept.keypoint_score > 0.5
+    apart = np.hypot(*np.moveaxis(kept.keypoint_uv - anew.keypoint_uv[:, here], -1, 0))
+    assert np.quantile(apart[sure], 0.99) < 1.0
+
+
+def test_the_table_is_small_and_whole():
+    resource = files("scene4d.formats") / "data" / FILE_NAME
+    assert len(resource.read_bytes()) < 300_000
+    people = demo_detections()
+    assert people.image_size == IMAGE_SIZE
+    assert len(np.unique(people.frame)) > 90 and len(np.unique(people.track)) >= 8
+    assert (np.diff(people.frame) >= 0).all() and np.isfinite(people.keypoint_uv).all()
+    np.testing.assert_allclose(people.time_s, people.frame / 10, atol=1e-5)
+    assert len(person_segments(people)) > 400
+
+
+def test_what_is_written_is_what_is_read():
+    people = demo_detections()
+    columns = demo_columns(people)
+    np.testing.assert_allclose(columns["x1"], people.box_xyxy[:, 0], atol=0.051)
+    np.testing.assert_allclose(columns["head_top_v"], people.keypoint_uv[:, 0, 1], atol=0.051)
+
+
+@pytest.mark.shared_data
+def test_the_published_camera_is_that_of_its_file(shared_data):
+    path = shared_data / "pets2009" / "View_001.xml"
+    assert ElementTree.parse(path).getroot().tag == "Camera"
+    camera = read_camera(path)
+    tilt, roll = np.degrees([camera.tilt_rad, camera.roll_rad])
+    assert f"height {camera.height_m:.2f} m, tilt {tilt:.2f}°, roll {roll:.2f}°" == PUBLISHED

@@ -1,0 +1,65 @@
+"""``scene4d export``, for every format that is written."""
+
+import json
+
+import numpy as np
+import pytest
+
+from scene4d.formats.cameras import camera_formats, read_camera
+from scene4d.model import Camera
+
+WRITTEN = [f.name for f in camera_formats() if f.write is not None]
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_what_is_exported_is_the_same_camera(run, scene, camera, tmp_path, name):
+    out = tmp_path / "exported"
+    done = run("export", scene["lens"], "--to", name, "--out", out, "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout) == {"format": name, "out": str(out)}
+    found = read_camera(out, format=name, image_size=camera.image_size)
+    np.testing.assert_allclose(found.K, camera.K, atol=1e-3)
+    if isinstance(found, Camera):
+        np.testing.assert_allclose(found.P, camera.P, atol=1e-2)
+
+
+def test_it_says_what_it_wrote(run, scene, tmp_path):
+    done = run("export", scene["lens"], "--to", "krtd", "--out", tmp_path / "a.krtd")
+    assert done.stdout == f"Wrote {tmp_path / 'a.krtd'}: Kitware KRTD (MEVA)\n"
+
+
+def test_a_camera_of_another_program_is_converted(run, scene, camera, tmp_path):
+    krtd, back = tmp_path / "a.krtd", tmp_path / "back.json"
+    run("export", scene["lens"], "--to", "krtd", "--out", krtd)
+    assert run("export", krtd, "--to", "json", "--out", back).exit_code == 0
+    np.testing.assert_allclose(Camera.load(back).P, camera.P, atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["nope", "tsai", ""])
+def test_a_format_that_is_not_written_is_wrong_usage(run, scene, tmp_path, name):
+    done = run("export", scene["lens"], "--to", name, "--out", tmp_path / "x")
+    assert done.exit_code == 2 and done.stdout == ""
+    for known in WRITTEN:
+        assert known in done.stderr
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_lens_is_no_camera(run, scene, tmp_path):
+    ros = tmp_path / "lens.yaml"
+    run("export", scene["lens"], "--to", "ros", "--out", ros)
+    done = run("export", ros, "--to", "json", "--out", tmp_path / "x")
+    assert done.exit_code == 1 and "no pose" in done.stderr and str(ros) in done.stderr
+
+
+def test_an_undetermined_camera_is_not_exported(run, scene, tmp_path):
+    values = {"schema": "scene4d/camera/1", "status": "undetermined", "reason": "too few people"}
+    scene["lens"].write_text(json.dumps(values))
+    done = run("export", scene["lens"], "--to", "krtd", "--out", tmp_path / "x")
+    assert done.exit_code == 1 and "too few people" in done.stderr
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_folder_that_is_not_there(run, scene, tmp_path):
+    done = run("export", scene["lens"], "--to", "krtd", "--out", tmp_path / "no" / "x")
+    assert done.exit_code == 1 and done.stdout == ""
+    assert done.stderr.startswith("scene4d: error: ") and len(done.stderr.splitlines()) == 1

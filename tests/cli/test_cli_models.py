@@ -1,0 +1,86 @@
+"""``scene4d models``: what is listed and what is fetched; nothing here uses the network."""
+
+import hashlib
+import json
+
+import pytest
+
+from scene4d.perception import weights as store
+from scene4d.perception.sources import SourceFailedError
+
+CONTENT = b"a network"
+
+
+class Shelf:
+    """A source with one file, or with none."""
+
+    title = "shelf"
+
+    def __init__(self, *contents: bytes) -> None:
+        self.contents = contents
+
+    def fetch(self, files, progress):
+        if not self.contents:
+            raise SourceFailedError("no network")
+        progress(self.title, 4, 9)
+        progress(self.title, 9, 9)
+        return dict.fromkeys(files, self.contents[0])
+
+
+@pytest.fixture
+def weight(tmp_path, monkeypatch):
+    """One weight, and an empty cache; returns how to say what its source has."""
+    monkeypatch.setenv("SCENE4D_CACHE", str(tmp_path / "cache"))
+
+    def known(*contents: bytes) -> None:
+        digest = hashlib.sha256(CONTENT).hexdigest()
+        one = store.Weight("net", "net.onnx", digest, 20_000_000, "MIT", (Shelf(*contents),))
+        for function in ("weight_path", "fetch_all", "missing_weights", "list_weights"):
+            monkeypatch.setitem(getattr(store, function).__kwdefaults__, "weights", (one,))
+
+    return known
+
+
+def test_the_real_list(run, tmp_path, monkeypatch):
+    monkeypatch.setenv("SCENE4D_CACHE", str(tmp_path))
+    found = json.loads(run("models", "--json").stdout)
+    assert found["folder"] == str(tmp_path / "weights")
+    assert {w["name"] for w in found["weights"]} == {w.name for w in store.WEIGHTS}
+    for row in found["weights"]:
+        assert set(row) == {"name", "file", "bytes", "present", "verified", "licence"}
+        assert not row["present"] and not row["verified"]
+    table = run("models").stdout
+    for row in found["weights"]:
+        assert row["file"] in table and row["name"] in table
+    assert "scene4d models fetch" in table
+
+
+def test_fetch_gets_what_is_missing(run, weight, tmp_path):
+    weight(CONTENT)
+    done = run("models", "fetch", "--json")
+    assert done.exit_code == 0, done.stderr
+    row = json.loads(done.stdout)["weights"][0]
+    assert row["present"] and row["verified"]
+    assert (tmp_path / "cache" / "weights" / "net.onnx").read_bytes() == CONTENT
+    again = run("models")
+    assert "models fetch" not in again.stdout and "yes      yes" in again.stdout
+
+
+def test_fetch_without_a_network_says_what_to_do(run, weight, tmp_path):
+    weight()
+    done = run("models", "fetch")
+    assert done.exit_code == 1 and done.stdout == ""
+    assert done.stderr.startswith("scene4d: error: weight net: ")
+    for word in ("no network", "SHA-256", str(tmp_path / "cache" / "weights")):
+        assert word in done.stderr
+
+
+def test_a_damaged_file_is_seen(run, weight, tmp_path):
+    weight(CONTENT)
+    (tmp_path / "cache" / "weights").mkdir(parents=True)
+    (tmp_path / "cache" / "weights" / "net.onnx").write_bytes(b"damaged")
+    assert "damaged" in run("models").stdout
+    row = json.loads(run("models", "--json").stdout)["weights"][0]
+    assert row["present"] and not row["verified"]
+    done = run("models", "fetch")
+    assert done.exit_code == 1 and "delete it" in done.stderr
