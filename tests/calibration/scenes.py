@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from strategies import PeopleScene, build_camera, build_lens, people_scene
 
 from scene4d.calibration.body import Points
 from scene4d.model import Calibration, Camera
+from strategies import PeopleScene, build_camera, build_lens, people_scene
 
 FOOT_HEIGHT_M = 0.04
 LONGEST = 0.35

@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import FOOT_HEIGHT_M, parameters_of, solver_points
-from strategies import build_camera, build_lens, ground_in_view
 
 from scene4d.calibration.body import (
     BODY_RADIUS_M,
@@ -15,6 +14,7 @@ from scene4d.calibration.body import (
     up_vector,
 )
 from scene4d.model import Camera
+from strategies import build_camera, build_lens, ground_in_view
 
 SEED = st.integers(0, 2**32 - 1)
 corners = st.sampled_from([-0.06, -0.02, 0.0, 0.03, 0.08])

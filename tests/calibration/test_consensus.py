@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from strategies import build_camera, build_lens, cameras_over_people, people_scene
 
 from scene4d.calibration.consensus import (
     Intervals,
@@ -14,6 +13,7 @@ from scene4d.calibration.consensus import (
 )
 from scene4d.calibration.linear import height_system
 from scene4d.model import Camera
+from strategies import build_camera, build_lens, cameras_over_people, people_scene
 
 SEED = st.integers(0, 2**32 - 1)
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from strategies import build_camera, build_lens, cameras_over_people, people_scene
 
 from scene4d.calibration.linear import height_system, person_equations
 from scene4d.errors import InputError
+from strategies import build_camera, build_lens, cameras_over_people, people_scene
 
 SEED = st.integers(0, 2**32 - 1)
 

@@ -5,73 +5,73 @@ import tracemalloc
 import numpy as np
 import pytest
 from scenes import Scene, correspondence_error, draw_scene, errors_of, parameters_of, sigmas_of
-from strategies import build_camera, build_lens, people_scene
 from trials import trials
 
 import scene4d
 from scene4d import solve_camera
 from scene4d.calibration.solve import solve_segments
-from scene4d.model import Camera, Lens, Orientation, Segments
+from scene4d.model import Lens, Orientation, Segments
+from strategies import build_camera, build_lens, people_scene
 
 # Median errors over the seeds: focal length (fraction), tilt (degrees), height (fraction), ground
 # where people walked (m, after rigid alignment). Half as large would mean that the noise did not
 # reach the solver, twice as large that the solver wastes what it is given.
 EXPECTED = [
-    (5, {}, 25, (0.070, 1.03, 0.067, 0.16)),
-    (10, {}, 25, (0.032, 0.82, 0.030, 0.16)),
+    (5, {}, 20, (0.070, 1.03, 0.067, 0.16)),
+    (10, {}, 20, (0.032, 0.82, 0.030, 0.16)),
     (30, {}, 100, (0.021, 0.33, 0.018, 0.09)),
     (100, {}, 100, (0.013, 0.25, 0.013, 0.075)),
-    (1000, {}, 25, (0.0037, 0.081, 0.0037, 0.021)),
-    (10_000, {}, 6, (0.0016, 0.017, 0.0006, 0.011)),
+    (1000, {}, 20, (0.0037, 0.081, 0.0037, 0.021)),
+    (10_000, {}, 5, (0.0016, 0.017, 0.0006, 0.011)),
     (100, {"outliers": 0.1}, 100, (0.015, 0.30, 0.016, 0.082)),
-    (100, {"outliers": 0.2}, 25, (0.015, 0.31, 0.020, 0.084)),
-    (100, {"outliers": 0.4}, 25, (0.018, 0.25, 0.023, 0.096)),
-    (1000, {"outliers": 0.4}, 25, (0.0057, 0.104, 0.0084, 0.036)),
-    (100, {"noise": 0.005, "noise_px": 0.2}, 25, (0.0074, 0.140, 0.012, 0.051)),
-    (100, {"noise": 0.04}, 25, (0.021, 0.40, 0.0131, 0.106)),
-    (100, {"noise": 0.08, "noise_px": 2.0}, 25, (0.037, 0.65, 0.0195, 0.182)),
-    (100, {"tilt_deg": 5.0}, 25, (0.046, 0.184, 0.0105, 0.41)),
-    (100, {"tilt_deg": 15.0}, 25, (0.0124, 0.155, 0.0118, 0.151)),
-    (100, {"tilt_deg": 40.0}, 25, (0.0129, 0.251, 0.0181, 0.045)),
-    (100, {"tilt_deg": 60.0}, 25, (0.0189, 0.438, 0.0125, 0.048)),
-    (100, {"fov_deg": 15.0}, 25, (0.052, 1.147, 0.0455, 0.224)),
-    (100, {"fov_deg": 30.0}, 25, (0.031, 0.485, 0.0212, 0.112)),
-    (100, {"fov_deg": 60.0}, 25, (0.0066, 0.184, 0.0097, 0.050)),
-    (100, {"fov_deg": 90.0}, 25, (0.0057, 0.206, 0.0076, 0.094)),
+    (100, {"outliers": 0.2}, 20, (0.015, 0.31, 0.020, 0.084)),
+    (100, {"outliers": 0.4}, 20, (0.018, 0.25, 0.023, 0.096)),
+    (1000, {"outliers": 0.4}, 20, (0.0057, 0.104, 0.0084, 0.036)),
+    (100, {"noise": 0.005, "noise_px": 0.2}, 20, (0.0074, 0.140, 0.012, 0.051)),
+    (100, {"noise": 0.04}, 20, (0.021, 0.40, 0.0131, 0.106)),
+    (100, {"noise": 0.08, "noise_px": 2.0}, 20, (0.037, 0.65, 0.0195, 0.182)),
+    (100, {"tilt_deg": 5.0}, 20, (0.046, 0.184, 0.0105, 0.41)),
+    (100, {"tilt_deg": 15.0}, 20, (0.0124, 0.155, 0.0118, 0.151)),
+    (100, {"tilt_deg": 40.0}, 20, (0.0129, 0.251, 0.0181, 0.045)),
+    (100, {"tilt_deg": 60.0}, 20, (0.0189, 0.438, 0.0125, 0.048)),
+    (100, {"fov_deg": 15.0}, 20, (0.052, 1.147, 0.0455, 0.224)),
+    (100, {"fov_deg": 30.0}, 20, (0.031, 0.485, 0.0212, 0.112)),
+    (100, {"fov_deg": 60.0}, 20, (0.0066, 0.184, 0.0097, 0.050)),
+    (100, {"fov_deg": 90.0}, 20, (0.0057, 0.206, 0.0076, 0.094)),
     (100, {"tracks": 20}, 100, (0.014, 0.28, 0.014, 0.11)),
-    (300, {"tracks": 20}, 25, (0.0057, 0.124, 0.016, 0.042)),
+    (300, {"tracks": 20}, 20, (0.0057, 0.124, 0.016, 0.042)),
 ]
 
 
 @pytest.mark.parametrize(("n", "view", "seeds", "expected"), EXPECTED)
 def test_errors_are_of_the_size_that_the_noise_explains(n, view, seeds, expected):
-    found = trials(n, range(seeds), **view)
+    found = trials(n, seeds, **view)
     assert len(found.refused) <= 0.1 * seeds, found.refused
     median = np.median(np.abs(found.error), axis=0)
     measured = np.array([median[0], np.degrees(median[1]), median[3], np.median(found.ground_m)])
     ratio = measured / expected
     assert (ratio > 0.5).all(), ratio
     assert (ratio < 1.8).all(), ratio
-    # No single scene goes astray: ten times the median is not noise.
-    assert found.ground_m.max() < 20 * expected[3] + 0.5
+    # No single scene goes astray unannounced.
+    assert (found.ground_m < 6 * found.predicted_m).all()
 
 
 def test_more_people_and_less_noise_help_as_they_should():
     """Errors fall with the square root of the crowd; four times the noise does not stay hidden."""
-    few = np.median(np.abs(trials(30, range(100)).error), axis=0)
-    many = np.median(np.abs(trials(1000, range(25)).error), axis=0)
+    few = np.median(np.abs(trials(30, 100).error), axis=0)
+    many = np.median(np.abs(trials(1000, 20).error), axis=0)
     gain = few / many  # sqrt(1000 / 30) = 5.8
     assert (gain > 3.0).all(), gain
     assert (gain < 11.0).all(), gain
-    quiet = trials(100, range(25), noise=0.005, noise_px=0.2).error
-    loud = trials(100, range(25), noise=0.08, noise_px=2.0).error
+    quiet = trials(100, 20, noise=0.005, noise_px=0.2).error
+    loud = trials(100, 20, noise=0.08, noise_px=2.0).error
     # Roll hangs on the direction of people, which heights do not disturb: it follows the noise.
     assert 8 < np.median(np.abs(loud[:, 2])) / np.median(np.abs(quiet[:, 2])) < 32
 
 
 def test_errors_have_no_direction():
     """Over all seeds the errors are symmetric: the mean is small beside their spread."""
-    z = np.concatenate([trials(n, range(100)).z for n in (30, 100)])
+    z = np.concatenate([trials(n, 100).z for n in (30, 100)])
     assert (np.abs(z.mean(axis=0)) < 0.3).all(), z.mean(axis=0)
 
 
@@ -189,7 +189,7 @@ def test_a_confident_wrong_orientation_is_believed_as_told():
 
 
 def test_a_mean_height_is_a_scale():
-    scene = draw_scene(3, 300, mean_height_m=1.6)
+    scene = draw_scene(5, 300, mean_height_m=1.6)
     people = scene.people
     right = solve_camera(
         people.foot_uv, people.head_uv, image_size=scene.camera.image_size, person_height_m=1.6
@@ -313,19 +313,18 @@ def test_boxes_with_a_known_focal_length():
 # --- sizes ---
 
 
-def _crowd_of(n: int) -> tuple[Camera, np.ndarray, np.ndarray]:
-    scene = draw_scene(11, n, outliers=0.1)
-    return scene.camera, scene.people.foot_uv, scene.people.head_uv
-
-
-@pytest.mark.parametrize("tracked", [False, True])
-def test_memory_grows_in_proportion_and_stays_small(tracked):
-    camera, foot, head = _crowd_of(100_000)
+@pytest.mark.parametrize("sightings", [1, 100])
+def test_memory_grows_in_proportion_and_stays_small(sightings):
+    """``sightings`` of each person; a dense system of 100,000 people would take 320 GB."""
     peaks = []
     for n in (10_000, 100_000):
-        track = np.arange(n) // 10 if tracked else None
+        tracks = None if sightings == 1 else n // sightings
+        scene = draw_scene(11, n, outliers=0.1, tracks=tracks)
+        camera, people = scene.camera, scene.people
         tracemalloc.start()
-        found = solve_camera(foot[:n], head[:n], image_size=camera.image_size, track=track)
+        found = solve_camera(
+            people.foot_uv, people.head_uv, image_size=camera.image_size, track=people.track
+        )
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
         assert found

@@ -93,3 +93,9 @@ def pets_images(pets: Path) -> list[np.ndarray]:
         if index % 80 == 0:
             images.append(video.retrieve()[1])
     return images
+
+
+@pytest.fixture
+def plain_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Reports without figures, which take seconds, where they are not the matter."""
+    monkeypatch.setattr("scene4d.report.page._draw", lambda *_: {})

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from cli_scenes import SIZE, save_images
+from cli_scenes import save_images
 
 
 def assert_refused(done, out: Path, *words: str) -> None:
@@ -64,7 +64,7 @@ def test_footage_without_people(run, networks, tmp_path):
 
 @pytest.mark.weights
 @pytest.mark.shared_data
-def test_a_single_image_is_warned_of_or_refused(run, networks, pets_images, tmp_path):
+def test_a_single_image_is_warned_of_or_refused(run, networks, pets_images, tmp_path, plain_report):
     """Nobody walks in one image: a camera of it must own how little it knows."""
     folder = save_images(tmp_path / "one", pets_images[:1])
     done = run("calibrate", folder / "0.jpg", "--out", tmp_path / "o", "--json")
@@ -92,8 +92,7 @@ def test_frames_of_changing_size(run, networks, pets_images, tmp_path):
 
 @pytest.mark.weights
 @pytest.mark.shared_data
-def test_a_truncated_video_is_used_as_far_as_it_goes(run, networks, pets, tmp_path, monkeypatch):
-    monkeypatch.setattr("scene4d.report.page._draw", lambda *_: {})
+def test_a_truncated_video_is_used_as_far_as_it_goes(run, networks, pets, tmp_path, plain_report):
     cut = tmp_path / "cut.avi"
     cut.write_bytes(pets.read_bytes()[:4_000_000])
     done = run("calibrate", cut, "--frames", 8, "--out", tmp_path / "o", "--json")
@@ -109,27 +108,26 @@ def test_footage_and_image_size_that_disagree(run, tmp_path):
 
 
 BAD_BOXES = {
-    "not a number": ("3,-1,nan,300,60,200,1", "line 3"),
-    "no size": ("3,-1,500,300,0,200,1", "line 3"),
-    "swapped": ("3,-1,500,300,60,-200,1", "line 3"),
-    "outside": ("3,-1,1500,300,60,200,1", "line 3"),
-    "no numbers": ("3,-1,abc,300,60,200,1", "line 3"),
-    "too short": ("3,-1,500", "line 3"),
+    "3,-1,nan,300,60,200,1,-1,-1,-1": "nan",
+    "3,-1,500,300,0,200,1,-1,-1,-1": "empty",
+    "3,-1,500,300,60,-200,1,-1,-1,-1": "swapped",
+    "3,-1,1500,300,60,200,1,-1,-1,-1": "outside",
+    "3,-1,abc,300,60,200,1,-1,-1,-1": "abc",
+    "3,-1,500": "columns",
 }
 
 
-@pytest.mark.parametrize("fault", BAD_BOXES)
-def test_impossible_boxes_are_refused_with_file_and_line(run, known, scene, tmp_path, fault):
+@pytest.mark.parametrize("line", BAD_BOXES)
+def test_impossible_boxes_are_refused_with_file_and_line(run, known, scene, tmp_path, line):
     lines = scene["boxes"].read_text().splitlines()
-    line, where = BAD_BOXES[fault]
     scene["boxes"].write_text("\n".join([*lines[:2], line, *lines[2:]]))
-    assert_refused(run(*known, "--out", tmp_path / "o"), tmp_path / "o", "boxes.txt", where)
+    done = run(*known, "--out", tmp_path / "o")
+    assert_refused(done, tmp_path / "o", "boxes.txt", "line 3", BAD_BOXES[line])
 
 
-def test_impossible_boxes_can_be_left_out(run, known, scene, tmp_path, monkeypatch):
-    monkeypatch.setattr("scene4d.report.page._draw", lambda *_: {})
+def test_impossible_boxes_can_be_left_out(run, known, scene, tmp_path, plain_report):
     with scene["boxes"].open("a") as file:
-        file.write("9,-1,nan,300,60,200,1\n9,-1,500,300,0,200,1\n")
+        file.write("9,-1,nan,300,60,200,1,-1,-1,-1\n9,-1,500,300,0,200,1,-1,-1,-1\n")
     done = run(*known, "--drop-invalid", "--out", tmp_path / "o", "--json")
     assert done.exit_code == 0, done.stderr
     found = json.loads(done.stdout)
@@ -179,19 +177,23 @@ def test_an_output_folder_that_cannot_be_made(run, known, tmp_path):
     assert_refused(done, tmp_path / "file" / "o", "cannot be written")
 
 
-def test_a_full_disk_leaves_the_earlier_result_as_it_was(spawn, known, tmp_path):
+def test_a_full_disk_leaves_the_earlier_result_as_it_was(run, spawn, known, tmp_path):
     """A limit on the size of files stands in for the full disk: writes fail in the same place."""
     out = tmp_path / "o"
-    assert spawn([*known, "--out", out]).returncode == 0
+    assert run(*known, "--out", out).exit_code == 0
     before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
 
+    page = (out / "report.html").stat().st_size
+    figure = max(p.stat().st_size for p in (out / "figures").iterdir())
+    assert figure < page, "the figures are to fit, and the page is not"
+
     def small_files() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000))
+        resource.setrlimit(resource.RLIMIT_FSIZE, ((figure + page) // 2, (figure + page) // 2))
 
     done = spawn([*known, "--person-height", "1.8", "--out", out], preexec_fn=small_files)
     assert done.returncode == 1
     told = [line for line in done.stderr.splitlines() if not line.endswith(" ...")]
-    assert len(told) == 1 and "cannot be written: File too large" in told[0]
+    assert len(told) == 1 and "report.html: cannot be written: File too large" in told[0]
     assert f"{out}/" in told[0] and ".scene4d-" not in told[0]
     assert {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
     assert {p.name for p in out.iterdir()} == {p.relative_to(out).parts[0] for p in before}
@@ -223,6 +225,3 @@ def test_wrong_usage(run, arguments, word, tmp_path, monkeypatch):
     assert done.exit_code == 2
     assert done.stdout == "" and word in done.stderr and "Traceback" not in done.stderr
     assert not list(tmp_path.iterdir())
-
-
-assert SIZE == (1280, 720)  # the boxes above are drawn into such images

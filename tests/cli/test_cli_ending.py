@@ -92,8 +92,9 @@ def test_a_reader_who_goes_away_is_no_error():
     assert (process.returncode, stderr) == (0, "")
 
 
-def test_nobody_reads_the_messages_any_more(known, tmp_path):
-    """The work goes on where stderr is a pipe that was closed."""
+def test_nobody_reads_the_messages_any_more(known, scene, tmp_path):
+    """The work is finished where stderr is a pipe that was closed, and the code says how."""
+    scene["boxes"].write_text("1,-1,600,300,60,200,1\n")
     out = tmp_path / "out"
     with subprocess.Popen(
         [*PROGRAM, *known, "--out", str(out)], stdout=subprocess.PIPE, stderr=subprocess.PIPE
@@ -101,7 +102,7 @@ def test_nobody_reads_the_messages_any_more(known, tmp_path):
         process.stderr.close()
         process.stderr = None
         stdout, _ = process.communicate(timeout=WAIT_S)
-    assert process.returncode == 0 and b"Height" in stdout
+    assert process.returncode == 1 and b"report.html" in stdout
     assert (out / "camera.json").exists()
 
 

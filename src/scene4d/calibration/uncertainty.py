@@ -98,7 +98,7 @@ SYSTEMATICS: tuple[Systematic, ...] = (
     Systematic("size against distance", 0.03, _growing),
 )
 """Found on real footage (benchmarks/keypoint_bias.py): lean seen 12 ± 5 % too small, size wrong by
-4 % per e-fold of distance; the lens of PETS is 12 % of the half diagonal off centre, others less."""
+4 % per e-fold of distance; the lens of PETS is 12 % of the half diagonal off centre."""
 
 
 def systematic_covariance(

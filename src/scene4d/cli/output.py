@@ -1,7 +1,6 @@
 """What is printed: results to stdout, everything else to stderr."""
 
 import json
-import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -35,12 +34,10 @@ def emit(text: str) -> None:
     try:
         sys.stdout.write(_encodable(text, sys.stdout.encoding))
         sys.stdout.flush()
+    except BrokenPipeError:
+        return
     except OSError as error:
-        # Python writes once more when it ends: that must not fail again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):
-            reason = error.strerror or error
-            raise OutputError(f"standard output cannot be written: {reason}") from error
+        raise OutputError(f"standard output cannot be written: {error.strerror}") from error
 
 
 def emit_json(values: dict[str, Any]) -> None:

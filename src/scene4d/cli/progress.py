@@ -36,7 +36,7 @@ def shown() -> Iterator[Progress]:
         TaskProgressColumn(),
         TimeRemainingColumn(elapsed_when_finished=True),
     )
-    with RichProgress(*columns, console=console, transient=True, redirect_stdout=False) as bars:
+    with RichProgress(*columns, console=console, transient=True) as bars:
         yield Bars(bars)
 
 

@@ -35,7 +35,7 @@ def show(found: Calibration, out: Path) -> None:
     table.add_column(no_wrap=True)
     table.add_column(style="dim")
     for row in _rows(found):
-        table.add_row(*(text.translate(PLAIN) for text in row))
+        table.add_row(*(" ".join(text.translate(PLAIN).split()) for text in row))
     with screen() as console:
         console.print(table)
         if found.warnings:
@@ -59,7 +59,7 @@ def _rows(found: Calibration) -> list[tuple[str, str, str]]:
     rows = [(row.name, row.value, row.meaning) for row in parameter_rows(found)] if found else []
     if found and found.ground_error_m is not None:
         median, p90 = (rounded_m(found.ground_error_m[name]) for name in ("median", "p90"))
-        rows.append(("Ground error", median, f"predicted median where people walked; 90 % {p90}"))
+        rows.append(("Ground error", median, f"predicted median; one in ten is over {p90}"))
     where = f"{found.frames} frame{'' if found.frames == 1 else 's'}"
     if found:
         of = f"of {found.people} sightings in {where} agree with the camera"

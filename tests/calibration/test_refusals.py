@@ -1,0 +1,229 @@
+"""What cannot be calibrated: the reason is said, and what would help."""
+
+import numpy as np
+import pytest
+from scenes import draw_scene, parameters_of
+from trials import solve_untyped
+
+from scene4d import solve_camera
+from scene4d.calibration.solve import solve_segments
+from scene4d.errors import InputError
+from scene4d.model import Camera, Orientation, Segments
+from strategies import build_camera, build_lens
+
+SIZE = (1280, 720)
+FOOT = np.array([[100.0, 300.0], [320.0, 400.0], [500.0, 450.0], [700.0, 600.0]])
+HEAD = FOOT - [0.0, 120.0]
+
+
+def seen(camera: Camera, xy_m: np.ndarray, seed: int, px: float = 0.7) -> tuple:
+    """Feet and heads of people at ``xy_m``."""
+    rng, n = np.random.default_rng([seed, 1]), len(xy_m)
+    foot, _ = camera.project(np.column_stack([xy_m, np.full(n, 0.04)]))
+    head, _ = camera.project(np.column_stack([xy_m, rng.normal(1.7, 0.09, n)]))
+    length = np.hypot(*(foot - head).T)[:, None]
+    head = head + 0.02 * length * rng.normal(size=(n, 2))
+    return foot + px * rng.normal(size=(n, 2)), head + px * rng.normal(size=(n, 2))
+
+
+def refused(foot, head, **kwargs) -> str:
+    found = solve_camera(foot, head, image_size=SIZE, **kwargs)
+    assert not found
+    assert found.status == "undetermined"
+    assert found.camera is None
+    assert found.covariance is None
+    assert found.ground_error_m is None
+    assert found.segments is not None
+    assert len(found.segments) == len(foot)
+    return found.reason
+
+
+@pytest.mark.parametrize("n", [0, 1, 2])
+@pytest.mark.parametrize("method", ["joint", "paper"])
+def test_nobody_or_too_few(n, method):
+    told = Orientation(1000.0, 0.3, 0.0)
+    reason = refused(FOOT[:n], HEAD[:n], method=method, prior=told)
+    assert reason.startswith(f"{n} upright people are seen whole, and at least 3 are needed")
+    assert "use more footage, or footage with people in it" in reason
+
+
+def test_people_without_length_are_nobody():
+    reason = refused(FOOT, FOOT.copy())
+    assert reason.startswith("0 upright people are seen whole")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_everybody_in_one_spot(seed):
+    camera = build_camera(build_lens(SIZE, 45.0), 20.0, 0.0, 8.0)
+    xy = np.random.default_rng(seed).normal([0.0, 22.0], 0.15, (20, 2))
+    reason = refused(*seen(camera, xy, seed))
+    assert "all people stand in one spot" in reason
+    assert "people in other places of the picture, near and far" in reason
+    assert "or a lens file (--lens)" in reason
+    assert "the focal length is not determined" in reason or "ground positions" in reason
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_everybody_at_one_distance(seed):
+    camera = build_camera(build_lens(SIZE, 15.0), 6.0, 0.0, 8.0)
+    rng = np.random.default_rng(seed)
+    xy = np.column_stack([rng.uniform(-7, 7, 12), rng.normal(76.0, 0.3, 12)])
+    reason = refused(*seen(camera, xy, seed))
+    assert "all people are at one distance from the camera" in reason
+    assert "people who also walk nearer to the camera and farther from it" in reason
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_single_file_along_the_view(seed):
+    camera = build_camera(build_lens(SIZE, 45.0), 8.0, 0.0, 8.0)
+    rng = np.random.default_rng(seed)
+    xy = np.column_stack([rng.normal(0, 0.1, 20), rng.uniform(45, 80, 20)])
+    reason = refused(*seen(camera, xy, seed))
+    assert "the people seen are too few, or too alike in size and place" in reason
+    assert "more people, nearer and farther and to both sides" in reason
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_those_who_are_refused_are_determined_by_what_is_asked_for(seed):
+    """The remedy works: the same single file with the focal length known."""
+    camera = build_camera(build_lens(SIZE, 45.0), 8.0, 0.0, 8.0)
+    rng = np.random.default_rng(seed)
+    xy = np.column_stack([rng.normal(0, 0.1, 40), rng.uniform(30, 80, 40)])
+    foot, head = seen(camera, xy, seed)
+    assert "lens file" in refused(foot, head)
+    found = solve_segments(Segments.from_points(foot, head), image_size=SIZE, lens=camera.lens)
+    assert found
+    z = (parameters_of(found.camera) - parameters_of(camera))[1:4]
+    z /= np.sqrt(np.diag(found.covariance))[1:4]
+    assert (np.abs(z) < 4).all(), z
+    told = solve_camera(
+        foot, head, image_size=SIZE, prior=Orientation(camera.focal_px, 0.3, 0, 20, np.inf, np.inf)
+    )
+    assert told
+    assert told.camera.focal_px == pytest.approx(camera.focal_px, rel=0.05)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_sticks_that_are_no_people(seed):
+    rng = np.random.default_rng(seed)
+    foot = rng.uniform([0, 300], [1280, 700], (100, 2))
+    head = foot - rng.uniform(20, 200, (100, 1)) * np.column_stack(
+        [rng.normal(0, 0.6, 100), np.ones(100)]
+    )
+    reason = refused(foot, head)
+    assert reason.startswith("only ")
+    assert "% of the people agree with one camera over one flat ground" in reason
+    assert "people who stand upright on the same plane" in reason
+
+
+def test_people_on_their_heads():
+    scene = draw_scene(3, 50, image_size=SIZE)
+    reason = refused(scene.people.head_uv, scene.people.foot_uv)
+    assert "agree with one camera" in reason or "no camera above the people" in reason
+
+
+def test_boxes_alone():
+    scene = draw_scene(3, 200, image_size=SIZE)
+    boxes = Segments.from_points(scene.people.foot_uv, scene.people.head_uv, from_box=True)
+    found = solve_segments(boxes, image_size=SIZE)
+    assert not found
+    assert found.reason.startswith("boxes alone do not determine the focal length")
+    for remedy in ("a lens file (--lens)", "an orientation (--orientation FILE)", "keypoints"):
+        assert remedy in found.reason
+    # Half a focal length is none either; a good one will do, as will a lens.
+    focal = scene.camera.focal_px
+    vague = Orientation(focal, 0.3, 0.0, 0.5 * focal, np.inf, np.inf)
+    assert "boxes alone" in solve_segments(boxes, image_size=SIZE, orientation=vague).reason
+    good = Orientation(focal, 0.3, 0.0, 0.1 * focal, np.inf, np.inf)
+    for known in ({"orientation": good}, {"lens": scene.camera.lens}):
+        found = solve_segments(boxes, image_size=SIZE, **known)
+        assert found or "boxes alone" not in found.reason
+    # One person seen with its lean is no licence, but keypoints beside boxes are read.
+    mixed = Segments.from_points(scene.people.foot_uv, scene.people.head_uv)
+    assert solve_segments(mixed, image_size=SIZE)
+
+
+def test_the_papers_method_where_nobody_agrees():
+    told = Orientation(1000.0, 0.3, 0.0)
+    reason = refused(HEAD, FOOT, method="paper", prior=told)
+    assert reason == "no person agrees with any camera height at the given orientation"
+
+
+def test_warnings_say_what_the_camera_rests_on():
+    few = draw_scene(1, 6, image_size=SIZE)
+    found = solve_camera(few.people.foot_uv, few.people.head_uv, image_size=SIZE)
+    assert found
+    assert any("rests on 6 different people" in text for text in found.warnings)
+    crowd = draw_scene(1, 300, image_size=SIZE)
+    found = solve_camera(crowd.people.foot_uv, crowd.people.head_uv, image_size=SIZE)
+    assert found.warnings == ()
+    strays = draw_scene(1, 300, image_size=SIZE, outliers=0.55)
+    found = solve_camera(strays.people.foot_uv, strays.people.head_uv, image_size=SIZE)
+    if found and found.inliers < 0.6 * 300:
+        assert any("agree with the camera" in text for text in found.warnings)
+    long = draw_scene(1, 12, fov_deg=18.0, tilt_deg=10.0, image_size=SIZE)
+    found = solve_camera(long.people.foot_uv, long.people.head_uv, image_size=SIZE)
+    if found and found.sigma["focal_px"] > 0.15 * found.camera.focal_px:
+        assert any("focal length is known to ±" in text for text in found.warnings)
+
+
+# --- what is no input at all ---
+
+
+@pytest.mark.parametrize("name", ["foot_uv", "head_uv"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_values_that_are_no_numbers_are_named_by_row(name, bad):
+    points = {"foot_uv": FOOT.copy(), "head_uv": HEAD.copy()}
+    points[name][2, 1] = bad
+    points[name][3, 0] = bad
+    with pytest.raises(InputError, match=f"{name} row 2 is not finite: drop people without that"):
+        solve_camera(points["foot_uv"], points["head_uv"], image_size=SIZE)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"head_uv": HEAD[:3]}, "must have one row per person"),
+        ({"track": np.arange(3)}, "must have one row per person"),
+        ({"foot_uv": FOOT.T}, r"foot_uv must be an \(n, 2\) array, found shape \(2, 4\)"),
+        ({"head_uv": HEAD[:, :1]}, r"head_uv must be an \(n, 2\) array, found shape \(4, 1\)"),
+        ({"foot_uv": FOOT[0]}, r"foot_uv must be an \(n, 2\) array, found shape \(2,\)"),
+        ({"head_uv": np.c_[HEAD, HEAD]}, r"found shape \(4, 4\)"),
+    ],
+)
+def test_wrong_shapes_are_named(arguments, message):
+    """Without run-time checks of types, as users have it."""
+    points = {"foot_uv": FOOT, "head_uv": HEAD, "image_size": SIZE}
+    with pytest.raises(InputError, match=message):
+        solve_untyped(**(points | arguments))
+
+
+def test_lists_will_do():
+    scene = draw_scene(3, 20, image_size=SIZE)
+    foot, head = scene.people.foot_uv, scene.people.head_uv
+    listed = solve_untyped(foot_uv=foot.tolist(), head_uv=head.tolist(), image_size=SIZE)
+    found = solve_camera(foot, head, image_size=SIZE)
+    np.testing.assert_allclose(listed.camera.P, found.camera.P, rtol=1e-9)
+
+
+@pytest.mark.parametrize("height", [0.0, 0.49, 2.51, -1.7, 170.0, np.nan, np.inf])
+@pytest.mark.parametrize("method", ["joint", "paper"])
+def test_a_mean_height_must_be_that_of_people(height, method):
+    with pytest.raises(InputError, match=r"person_height_m must lie in 0\.5 to 2\.5 metres, found"):
+        solve_camera(FOOT, HEAD, image_size=SIZE, person_height_m=float(height), method=method)
+
+
+@pytest.mark.parametrize("height", [-0.01, 0.85, 1.0, np.nan])
+def test_feet_must_be_low(height):
+    with pytest.raises(InputError, match="foot_height_m must lie in 0 to half a person, found"):
+        solve_camera(FOOT, HEAD, image_size=SIZE, foot_height_m=float(height))
+
+
+def test_an_unknown_method():
+    with pytest.raises(InputError, match=r"method must be one of \('joint', 'paper'\), found 'dlt'"):
+        solve_camera(FOOT, HEAD, image_size=SIZE, method="dlt")
+
+
+def test_the_papers_method_needs_an_orientation():
+    with pytest.raises(InputError, match="orientation"):
+        solve_camera(FOOT, HEAD, image_size=SIZE, method="paper")

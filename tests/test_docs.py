@@ -1,0 +1,43 @@
+"""What the documents show runs, and what they name exists."""
+
+import re
+import runpy
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", ROOT / "ARCHITECTURE.md", ROOT / "CONTRIBUTING.md"]
+PAGES += sorted((ROOT / "docs").glob("*.md"))
+
+
+def test_the_python_of_the_readme_runs(capsys: pytest.CaptureFixture[str]):
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert blocks
+    for block in blocks:
+        exec(compile(block, "README.md", "exec"), {})
+    assert capsys.readouterr().out.startswith("ok ")
+
+
+def test_the_example_on_points_finds_its_camera(capsys: pytest.CaptureFixture[str]):
+    runpy.run_path(str(ROOT / "examples" / "points_to_camera.py"), run_name="__main__")
+    out = capsys.readouterr().out
+    focal = float(re.search(r"focal length +([\d.]+)", out)[1])
+    assert focal == pytest.approx(900, rel=0.1)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_and_files_named_in_the_pages_exist(page: Path):
+    text = page.read_text()
+    for target in re.findall(r"\]\(([^)#]+)\)", text):
+        if "://" not in target:
+            assert (page.parent / target).exists(), target
+    for script in re.findall(r"python ((?:benchmarks|docs|examples)/\S+\.py)", text):
+        assert (ROOT / script).exists(), script
+
+
+def test_the_accuracy_table_is_there():
+    text = (ROOT / "README.md").read_text()
+    table = text.split("<!-- accuracy: begin -->")[1].split("<!-- accuracy: end -->")[0]
+    assert "PETS 2009 video | nothing |" in table
+    assert len(table.strip().splitlines()) >= 8
