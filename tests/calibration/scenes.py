@@ -10,7 +10,7 @@ from strategies import PeopleScene, build_camera, build_lens, people_scene
 
 FOOT_HEIGHT_M = 0.04
 LONGEST = 0.35
-"""The median person is at most this fraction of the image's height: these are surveillance views."""
+"""The median person is at most this fraction of the image's height, as in surveillance."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,9 +23,7 @@ corners = st.sampled_from([-0.06, -0.02, 0.0, 0.03, 0.08])
 @st.composite
 def cameras(draw: st.DrawFn) -> Camera:
     """Square pixels, principal point in the middle, one radial coefficient."""
-    lens = build_lens(
-        (1280, 720), draw(st.floats(15.0, 90.0)), radial=(draw(corners), 0.0, 0.0)
-    )
+    lens = build_lens((1280, 720), draw(st.floats(15.0, 90.0)), radial=(draw(corners), 0.0, 0.0))
     return build_camera(
         lens, draw(st.floats(5.0, 60.0)), draw(st.floats(-20.0, 20.0)), draw(st.floats(3.0, 20.0))
     )

@@ -95,7 +95,9 @@ def test_elimination_gives_the_step_of_the_dense_system(seed):
     t = problem.n_heights
     dense, right = np.zeros((5 + t, 5 + t)), np.zeros(5 + t)
     for row, person in zip(problem.tracked, problem.person, strict=True):
-        assert (problem.track[problem.tracked][problem.person == person] == problem.track[row]).all()
+        assert (
+            problem.track[problem.tracked][problem.person == person] == problem.track[row]
+        ).all()
     owner = dict(zip(problem.tracked.tolist(), problem.person.tolist(), strict=True))
     for i in range(len(problem.track)):
         for axis in range(2):

@@ -67,10 +67,27 @@ def test_everybody_in_one_spot(seed):
 def test_everybody_at_one_distance(seed):
     camera = build_camera(build_lens(SIZE, 15.0), 6.0, 0.0, 8.0)
     rng = np.random.default_rng(seed)
-    xy = np.column_stack([rng.uniform(-7, 7, 12), rng.normal(76.0, 0.3, 12)])
+    xy = np.column_stack([rng.uniform(-7, 7, 8), rng.normal(76.0, 0.3, 8)])
     reason = refused(*seen(camera, xy, seed))
     assert "all people are at one distance from the camera" in reason
     assert "people who also walk nearer to the camera and farther from it" in reason
+
+
+@pytest.mark.xfail(
+    strict=True, reason="the noise of the feet is taken for distance: far off, and sure of it"
+)
+@pytest.mark.parametrize("fov_deg", [45.0, 70.0])
+def test_a_wide_row_at_one_distance_is_refused_or_right(fov_deg):
+    """The feet's rows differ by their noise alone, and feet too low are people too long."""
+    camera = build_camera(build_lens(SIZE, fov_deg), 8.0, 0.0, 8.0)
+    rng = np.random.default_rng(0)
+    half = 0.8 * 57 * np.tan(np.radians(fov_deg) / 2)
+    xy = np.column_stack([rng.uniform(-half, half, 200), rng.normal(57.0, 0.1, 200)])
+    foot, head = seen(camera, xy, 0, px=1.0)
+    found = solve_camera(foot, head, image_size=SIZE)
+    if found:
+        z = (parameters_of(found.camera) - parameters_of(camera))[:4]
+        assert (np.abs(z) < 4 * np.sqrt(np.diag(found.covariance))[:4]).all()
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -97,7 +114,10 @@ def test_those_who_are_refused_are_determined_by_what_is_asked_for(seed):
     z /= np.sqrt(np.diag(found.covariance))[1:4]
     assert (np.abs(z) < 4).all(), z
     told = solve_camera(
-        foot, head, image_size=SIZE, prior=Orientation(camera.focal_px, 0.3, 0, 20, np.inf, np.inf)
+        foot,
+        head,
+        image_size=SIZE,
+        prior=Orientation(camera.focal_px, 0.3, 0.0, 20.0, np.inf, np.inf),
     )
     assert told
     assert told.camera.focal_px == pytest.approx(camera.focal_px, rel=0.05)
@@ -220,7 +240,9 @@ def test_feet_must_be_low(height):
 
 
 def test_an_unknown_method():
-    with pytest.raises(InputError, match=r"method must be one of \('joint', 'paper'\), found 'dlt'"):
+    with pytest.raises(
+        InputError, match=r"method must be one of \('joint', 'paper'\), found 'dlt'"
+    ):
         solve_camera(FOOT, HEAD, image_size=SIZE, method="dlt")
 
 

@@ -164,9 +164,7 @@ def test_nobody_gives_no_segments():
 
 def test_skeletons_calibrate_a_camera():
     scene = draw_scene(5, 60)
-    people = skeletons(
-        scene.people.foot_uv, scene.people.head_uv, size=scene.camera.image_size
-    )
+    people = skeletons(scene.people.foot_uv, scene.people.head_uv, size=scene.camera.image_size)
     found = solve_segments(
         person_segments(people), image_size=scene.camera.image_size, estimate_distortion=False
     )

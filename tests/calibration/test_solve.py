@@ -112,9 +112,7 @@ def test_one_height_per_track_sees_through_a_small_crowd():
     for seed in range(12):
         scene = draw_scene(seed, 80, tracks=4, noise=0.01, noise_px=0.3, height_sigma=0.12)
         people, size = scene.people, scene.camera.image_size
-        tracked = solve_camera(
-            people.foot_uv, people.head_uv, image_size=size, track=people.track
-        )
+        tracked = solve_camera(people.foot_uv, people.head_uv, image_size=size, track=people.track)
         strangers = solve_camera(people.foot_uv, people.head_uv, image_size=size)
         if tracked and strangers:
             gain.append(np.abs(errors_of(scene, tracked) / errors_of(scene, strangers))[:2])
@@ -159,9 +157,7 @@ def test_an_exact_orientation_is_held():
     scene = _few(1)
     camera, people = scene.camera, scene.people
     told = Orientation(camera.focal_px, camera.tilt_rad, camera.roll_rad)
-    found = solve_camera(
-        people.foot_uv, people.head_uv, image_size=camera.image_size, prior=told
-    )
+    found = solve_camera(people.foot_uv, people.head_uv, image_size=camera.image_size, prior=told)
     np.testing.assert_allclose(parameters_of(found.camera)[:3], scene.truth[:3], atol=1e-9)
     assert found.covariance[:3, :3] == pytest.approx(np.zeros((3, 3)))
     assert 0 < found.sigma["height_m"] < 0.05 * found.camera.height_m
@@ -254,9 +250,7 @@ def test_the_lens_is_estimated_where_nobody_tells_it():
         )
         corners.append(parameters_of(found.camera)[4] - scene.truth[4])
         sigma.append(np.sqrt(found.covariance[4, 4]))
-        error.append(
-            [np.abs(errors_of(scene, found))[0], np.abs(errors_of(scene, straight))[0]]
-        )
+        error.append([np.abs(errors_of(scene, found))[0], np.abs(errors_of(scene, straight))[0]])
     assert scene.truth[4] < -0.03
     assert np.abs(corners).max() < 3.5 * np.median(sigma)
     assert 0.002 < np.median(sigma) < 0.02

@@ -37,7 +37,7 @@ def demo(
     [bold]Examples[/bold]
 
       scene4d demo
-      scene4d demo --out /tmp/demo --json
+      scene4d demo --out first --json
     """
     from scene4d.cli.calibrate import command_line
     from scene4d.cli.folder import output_folder
