@@ -1,10 +1,12 @@
 """The paper's method: camera height from boxes, orientation given (Wagner et al. 2019)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from scene4d.calibration.body import HEIGHT
+from scene4d.calibration.case import Case, ground_error
 from scene4d.calibration.consensus import (
     TOLERANCE_PX,
     exact_consensus,
@@ -12,11 +14,75 @@ from scene4d.calibration.consensus import (
     ransac_consensus,
 )
 from scene4d.calibration.linear import height_system
+from scene4d.calibration.refine import HEIGHT_SIGMA_M
 from scene4d.errors import InputError
-from scene4d.geometry import rotation_from_tilt_roll
-from scene4d.model import Orientation
+from scene4d.geometry import locate, project, rotation_from_tilt_roll
+from scene4d.model import Calibration, Orientation
 
 CONSENSUS = ("exact", "ransac")
+
+
+def paper_calibration(case: Case) -> Calibration:
+    """The paper's method on a case; raises :class:`InputError` where no orientation is given.
+
+    The covariance knows the orientation's own spread, the people's, and nothing between them.
+    """
+    asked, frame, usable = case.asked, case.frame, case.usable
+    orientation = asked.orientation
+    if orientation is None:
+        raise InputError(
+            "the paper's method needs the camera's orientation (focal length, tilt, roll): "
+            "give --orientation FILE, or use --method joint"
+        )
+    if asked.fixed_focal_px is not None:
+        orientation = replace(orientation, focal_px=asked.fixed_focal_px, focal_sigma_px=0.0)
+    log_f = np.log(orientation.focal_px / frame.half_diagonal_px)
+    parameters = np.array([log_f, orientation.tilt_rad, orientation.roll_rad, 0.0, 0.0])
+    foot, head = case.segments.foot_uv[usable], case.segments.head_uv[usable]
+    if frame.lens is not None:
+        foot, head = frame.lens.undistort(foot)[0], frame.lens.undistort(head)[0]
+    if asked.consensus not in CONSENSUS:
+        raise InputError(f"consensus must be one of {CONSENSUS}, found {asked.consensus!r}")
+    try:
+        solution = solve_paper(
+            foot,
+            head,
+            frame.camera(parameters).K,
+            orientation,
+            person_height_m=asked.person_height_m,
+            person_sigma_m=HEIGHT_SIGMA_M,
+            track=case.segments.track[usable],
+            consensus=asked.consensus,
+            seed=asked.seed,
+        )
+    except InputError as error:
+        return case.undetermined(str(error))
+    parameters[HEIGHT] = np.log(solution.height_m)
+    camera = frame.camera(parameters)
+    population = asked.population_sigma_m / asked.person_height_m
+    sigma = [
+        orientation.focal_sigma_px / orientation.focal_px,
+        orientation.tilt_sigma_rad,
+        orientation.roll_sigma_rad,
+        np.hypot(solution.relative_sigma, population),
+        0.0,
+    ]
+    values = {
+        "camera": camera,
+        "covariance": np.diag(np.where(np.isfinite(sigma), sigma, 0.0) ** 2),
+        "inlier": case.over_all(solution.inlier, False),
+        "residual": case.over_all(_head_error(camera.P, foot, head, asked.person_height_m), np.nan),
+    }
+    return case.found(**values, ground_error_m=ground_error(case.found(**values))[0])
+
+
+def _head_error(
+    P: np.ndarray, foot: np.ndarray, head: np.ndarray, person_height_m: float
+) -> np.ndarray:
+    """Distance between seen and predicted head over the length of the person."""
+    xy, _ = locate(P, foot)
+    uv, _ = project(P, np.column_stack([xy, np.full(len(xy), person_height_m)]))
+    return np.hypot(*(uv - head).T) / np.maximum(np.hypot(*(foot - head).T), 1e-9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +111,8 @@ def solve_paper(
 
     Points are undistorted pixels, feet at Z = 0 and heads at ``person_height_m``. The spread
     counts a track once, and adds that of the orientation where it is given. Raises
-    :class:`InputError` where nobody agrees with any height, or for an unknown ``consensus``.
+    :class:`InputError` where nobody agrees with any height.
     """
-    if consensus not in CONSENSUS:
-        raise InputError(f"consensus must be one of {CONSENSUS}, found {consensus!r}")
     R = rotation_from_tilt_roll(orientation.tilt_rad, orientation.roll_rad)
     intervals = inlier_intervals(K, R, foot_uv, head_uv, person_height_m, tolerance_px)
     system = height_system(K, R, foot_uv, head_uv, person_height_m)

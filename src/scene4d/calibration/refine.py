@@ -138,7 +138,7 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     predicted = predict_heads(state.parameters, points, problem.heights_m(state.delta_m))
     seen = points.head - points.foot
     length = np.sqrt((seen * seen).sum(axis=0))
-    along, across = _spreads(problem, noise)
+    along, across = spreads(problem, noise)
 
     expected = predicted.head - points.foot
     # The sides of a box are upright whatever leans in it: only its height is an observation.
@@ -188,7 +188,7 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     )
 
 
-def _spreads(problem: Problem, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+def spreads(problem: Problem, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
     """Standard deviations of log length and direction of every person (n,)."""
     box = problem.points.from_box
     along = np.where(box, noise.box_along, noise.along)

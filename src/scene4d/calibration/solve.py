@@ -1,26 +1,22 @@
 """``solve_camera``: from the feet and heads of people to the camera that sees them."""
 
-from collections.abc import Callable
-
 import numpy as np
 from jaxtyping import Float, Int
 
 from scene4d.calibration import verdict
-from scene4d.calibration.body import FOCAL, HEIGHT
+from scene4d.calibration.body import FOCAL, HEIGHT, Points
+from scene4d.calibration.case import Assumptions, Case, ground_error
 from scene4d.calibration.frame import ImageFrame
 from scene4d.calibration.joint import position_weights, solve
 from scene4d.calibration.lines import Lines
-from scene4d.calibration.paper import solve_paper
-from scene4d.calibration.prior import default_prior
-from scene4d.calibration.refine import HEIGHT_SIGMA_M, Problem, State, linearise
+from scene4d.calibration.paper import paper_calibration
+from scene4d.calibration.prior import Prior, default_prior
+from scene4d.calibration.refine import Problem, State, linearise, spreads
 from scene4d.calibration.uncertainty import covariance, systematic_covariance
 from scene4d.errors import InputError
-from scene4d.geometry import locate, project
 from scene4d.model import Calibration, Lens, Orientation, Segments
 
 METHODS = ("joint", "paper")
-GROUND_SAMPLE = 300
-"""So many feet are enough to tell the typical error of the ground."""
 TRACK_CORRELATION = 0.12
 """Of one person's errors across the body in different places (gait, posture); PETS has 0.11
 (benchmarks/keypoint_bias.py)."""
@@ -100,54 +96,64 @@ def solve_segments(
         raise InputError(f"person_height_m must lie in 0.5 to 2.5 metres, found {person_height_m}")
     if not 0 <= foot_height_m < person_height_m / 2:
         raise InputError(f"foot_height_m must lie in 0 to half a person, found {foot_height_m}")
+    asked = Assumptions(
+        person_height_m=person_height_m,
+        foot_height_m=foot_height_m,
+        orientation=orientation,
+        method=method,
+        lens=lens,
+        estimate_focal=estimate_focal,
+        estimate_distortion=estimate_distortion,
+        lines_xyxy=lines_xyxy,
+        population_sigma_m=population_sigma_m,
+        systematics=systematics,
+        consensus=consensus,
+        seed=seed,
+    )
     frame = ImageFrame(image_size, lens)
-
-    def result(status: str, **found: object) -> Calibration:
-        known = {"method": method, "image_size": image_size, "person_height_m": person_height_m}
-        return Calibration(status=status, segments=segments, **(known | found))  # type: ignore[arg-type]
-
     points = frame.points(segments, foot_height_m)
     usable = np.isfinite(points.foot).all(axis=0) & np.isfinite(points.head).all(axis=0)
     usable &= np.hypot(*(points.head - points.foot)) > 1e-6
+    case = Case(segments, usable, frame, asked)
     if usable.sum() < verdict.MIN_PEOPLE:
-        return result(
-            "undetermined",
-            reason=f"{int(usable.sum())} upright people are seen whole, and at least "
-            f"{verdict.MIN_PEOPLE} are needed: use more footage, or footage with people in it",
+        return case.undetermined(
+            f"{int(usable.sum())} upright people are seen whole, and at least "
+            f"{verdict.MIN_PEOPLE} are needed: use more footage, or footage with people in it"
         )
     if method == "paper":
-        return _paper(
-            segments,
-            frame,
-            usable,
-            orientation,
-            person_height_m,
-            population_sigma_m,
-            consensus,
-            seed,
-            result,
-        )
-
-    prior = default_prior(estimate_distortion=estimate_distortion and lens is None)
-    if lens is not None and not estimate_focal:
-        prior = prior.with_focal(float(lens.K[0, 0]), frame.half_diagonal_px)
-    if orientation is not None:
-        prior = prior.with_orientation(orientation, frame.half_diagonal_px)
+        return paper_calibration(case)
+    prior = _prior(case)
     if segments.from_box[usable].all() and prior.sigma[FOCAL] > verdict.BOX_FOCAL_SIGMA:
-        return result("undetermined", reason=verdict.BOXES_ALONE)
-    lines = None
-    if lines_xyxy is not None and len(lines_xyxy):
-        lines = _lines(frame, lines_xyxy)
-    points = points.select(usable)
-    track = _renumbered(segments.track[usable])
-    length = np.hypot(*(points.head - points.foot))
-    correlation = TRACK_CORRELATION if systematics else 0.0
-    weight = position_weights(points.foot, length, track, correlation)
-    problem = Problem(points, track, weight, person_height_m, prior, lines)
+        return case.undetermined(verdict.BOXES_ALONE)
+    problem = _problem(case, points.select(usable), prior)
     state = solve(problem, seed=seed)
     if state is None:
-        return result("undetermined", reason="no camera above the people explains what is seen")
-    return _judged(segments, frame, usable, problem, state, population_sigma_m, systematics, result)
+        return case.undetermined("no camera above the people explains what is seen")
+    return _judged(case, problem, state)
+
+
+def _prior(case: Case) -> Prior:
+    """What is known before anybody is seen."""
+    asked, unit = case.asked, case.frame.half_diagonal_px
+    prior = default_prior(estimate_distortion=asked.estimate_distortion and case.frame.lens is None)
+    if asked.orientation is not None:
+        prior = prior.with_orientation(asked.orientation, unit)
+    if asked.fixed_focal_px is not None:
+        prior = prior.with_focal(asked.fixed_focal_px, unit)
+    return prior
+
+
+def _problem(case: Case, points: Points, prior: Prior) -> Problem:
+    """The minimisation over the usable people."""
+    asked = case.asked
+    track = _renumbered(case.segments.track[case.usable])
+    length = np.hypot(*(points.head - points.foot))
+    correlation = TRACK_CORRELATION if asked.systematics else 0.0
+    weight = position_weights(points.foot, length, track, correlation)
+    lines = None
+    if asked.lines_xyxy is not None and len(asked.lines_xyxy):
+        lines = _lines(case.frame, asked.lines_xyxy)
+    return Problem(points, track, weight, asked.person_height_m, prior, lines)
 
 
 def _renumbered(track: np.ndarray) -> np.ndarray:
@@ -167,107 +173,28 @@ def _lines(frame: ImageFrame, xyxy: np.ndarray) -> Lines:
     return Lines.from_pixels(both * unit, np.zeros(2), unit)
 
 
-def _judged(
-    segments: Segments, frame: ImageFrame, usable: np.ndarray, problem: Problem, state: State,
-    population_sigma_m: float, systematics: bool, result: Callable[..., Calibration],
-) -> Calibration:  # fmt: skip
+def _judged(case: Case, problem: Problem, state: State) -> Calibration:
     """The calibration of a solved problem, or its refusal."""
     cov = covariance(problem, state)
-    if systematics:
+    if case.asked.systematics:
         cov = cov + systematic_covariance(problem, state)
-    cov[HEIGHT, HEIGHT] += (population_sigma_m / problem.person_height_m) ** 2
+    cov[HEIGHT, HEIGHT] += (case.asked.population_sigma_m / problem.person_height_m) ** 2
     lin = linearise(problem, state)
-    inlier = np.zeros(len(segments), bool)
-    inlier[usable] = lin.inlier > 0.5
-    camera = frame.camera(state.parameters)
-    found = result("ok", camera=camera, covariance=cov, inlier=inlier)
-    share = float(inlier[usable].mean())
-    ground, relative = _ground_error(found)
+    inlier = case.over_all(lin.inlier > 0.5, False)
+    camera = case.frame.camera(state.parameters)
+    ground, relative = ground_error(case.found(camera=camera, covariance=cov, inlier=inlier))
+    share = float(inlier[case.usable].mean())
     why = verdict.refusal(problem.points, problem.prior, cov, relative, share)
     if why is not None:
-        return result("undetermined", reason=why, inlier=inlier)
-    noise = state.noise
-    residual = np.full(len(segments), np.nan)
-    along = np.where(problem.points.from_box, noise.box_along, noise.along)
-    along = np.where(problem.lone, np.hypot(along, noise.height_m / problem.person_height_m), along)
-    residual[usable] = np.hypot(lin.residual[0] * along, lin.residual[1] * noise.across)
-    told = verdict.warnings(
-        int(usable.sum()), len(np.unique(problem.track)), share, problem.prior, cov
-    )
-    return result(
-        "ok", camera=camera, covariance=cov, inlier=inlier, residual=residual,
-        ground_error_m=ground, warnings=tuple(told),
-    )  # fmt: skip
-
-
-def _ground_error(found: Calibration) -> tuple[dict[str, float], float]:
-    """Predicted error where people walked: median and p90 (m) within the scene, and the median
-    error from the camera over the distance.
-    """
-    camera, segments = found.camera, found.segments
-    assert camera is not None and segments is not None and found.inlier is not None
-    uv = segments.foot_uv[found.inlier]
-    uv = uv[:: max(1, len(uv) // GROUND_SAMPLE)]
-    xy, seen = camera.locate(camera.undistort(uv)[0])
-    uv, xy = uv[seen], xy[seen]
-    if len(uv) == 0:
-        return {"median": np.inf, "p90": np.inf}, np.inf
-    median, p90 = np.quantile(found.ground_sigma_m(uv), [0.5, 0.9])
-    distance = np.maximum(np.hypot(*xy.T), 1e-6)
-    relative = float(np.median(found.ground_sigma_m(uv, from_camera=True) / distance))
-    return {"median": float(median), "p90": float(p90)}, relative
-
-
-def _paper(
-    segments: Segments, frame: ImageFrame, usable: np.ndarray, orientation: Orientation | None,
-    person_height_m: float, population_sigma_m: float, consensus: str, seed: int,
-    result: Callable[..., Calibration],
-) -> Calibration:  # fmt: skip
-    if orientation is None:
-        raise InputError(
-            "the paper's method needs the camera's orientation (focal length, tilt, roll): "
-            "give --orientation FILE, or use --method joint"
-        )
-    focal = orientation.focal_px / frame.half_diagonal_px
-    parameters = np.array([np.log(focal), orientation.tilt_rad, orientation.roll_rad, 0.0, 0.0])
-    K = frame.camera(parameters).K
-    foot, head = segments.foot_uv[usable], segments.head_uv[usable]
-    if frame.lens is not None:
-        foot, head = frame.lens.undistort(foot)[0], frame.lens.undistort(head)[0]
-    try:
-        found = solve_paper(
-            foot, head, K, orientation,
-            person_height_m=person_height_m, person_sigma_m=HEIGHT_SIGMA_M,
-            track=segments.track[usable], consensus=consensus, seed=seed,
-        )  # fmt: skip
-    except InputError as error:
-        return result("undetermined", reason=str(error))
-    parameters[HEIGHT] = np.log(found.height_m)
-    camera = frame.camera(parameters)
-    sigma = [
-        orientation.focal_sigma_px / orientation.focal_px, orientation.tilt_sigma_rad,
-        orientation.roll_sigma_rad,
-        np.hypot(found.relative_sigma, population_sigma_m / person_height_m), 0.0,
-    ]  # fmt: skip
-    inlier = np.zeros(len(segments), bool)
-    inlier[usable] = found.inlier
-    residual = np.full(len(segments), np.nan)
-    residual[usable] = _head_error(camera.P, foot, head, person_height_m)
-    finite = np.where(np.isfinite(sigma), sigma, 0.0)
-    calibration = result(
-        "ok", camera=camera, covariance=np.diag(finite**2), inlier=inlier, residual=residual
-    )
-    ground, _ = _ground_error(calibration)
-    return result(
-        "ok", camera=camera, covariance=np.diag(finite**2), inlier=inlier, residual=residual,
+        return case.undetermined(why, inlier)
+    along, across = spreads(problem, state.noise)
+    people = len(np.unique(problem.track))
+    told = verdict.warnings(int(case.usable.sum()), people, share, problem.prior, cov)
+    return case.found(
+        camera=camera,
+        covariance=cov,
+        inlier=inlier,
+        residual=case.over_all(np.hypot(lin.residual[0] * along, lin.residual[1] * across), np.nan),
         ground_error_m=ground,
-    )  # fmt: skip
-
-
-def _head_error(
-    P: np.ndarray, foot: np.ndarray, head: np.ndarray, person_height_m: float
-) -> np.ndarray:
-    """Distance between seen and predicted head over the length of the person."""
-    xy, _ = locate(P, foot)
-    uv, _ = project(P, np.column_stack([xy, np.full(len(xy), person_height_m)]))
-    return np.hypot(*(uv - head).T) / np.maximum(np.hypot(*(foot - head).T), 1e-9)
+        warnings=tuple(told),
+    )

@@ -1,6 +1,10 @@
 """Opening ONNX networks for inference on the processor, quietly and with few threads."""
 
+import os
 from pathlib import Path
+
+# Newer wheels report to their maker as soon as they are imported: nothing leaves this machine.
+os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 import onnxruntime as ort
 

@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 
 from scene4d.model import Detections
 
-MIN_DURATION_S = 20.0
+MIN_DURATION_S = 45.0
+"""People who talk stand in one place for half a minute."""
 MIN_FRAMES = 10
 CLIP_SHARE = 0.6
 """Share of the clip from the first to the last sighting."""
