@@ -41,22 +41,19 @@ def paper_calibration(case: Case) -> Calibration:
     foot, head = case.segments.foot_uv[usable], case.segments.head_uv[usable]
     if frame.lens is not None:
         foot, head = frame.lens.undistort(foot)[0], frame.lens.undistort(head)[0]
-    if asked.consensus not in CONSENSUS:
-        raise InputError(f"consensus must be one of {CONSENSUS}, found {asked.consensus!r}")
-    try:
-        solution = solve_paper(
-            foot,
-            head,
-            frame.camera(parameters).K,
-            orientation,
-            person_height_m=asked.person_height_m,
-            person_sigma_m=HEIGHT_SIGMA_M,
-            track=case.segments.track[usable],
-            consensus=asked.consensus,
-            seed=asked.seed,
-        )
-    except InputError as error:
-        return case.undetermined(str(error))
+    solution = solve_paper(
+        foot,
+        head,
+        frame.camera(parameters).K,
+        orientation,
+        person_height_m=asked.person_height_m,
+        person_sigma_m=HEIGHT_SIGMA_M,
+        track=case.segments.track[usable],
+        consensus=asked.consensus,
+        seed=asked.seed,
+    )
+    if solution is None:
+        return case.undetermined("no person agrees with any camera height at this orientation")
     parameters[HEIGHT] = np.log(solution.height_m)
     camera = frame.camera(parameters)
     population = asked.population_sigma_m / asked.person_height_m
@@ -106,13 +103,15 @@ def solve_paper(
     tolerance_px: float = TOLERANCE_PX,
     consensus: str = "exact",
     seed: int = 0,
-) -> PaperSolution:
+) -> PaperSolution | None:
     """Height by consensus at ``tolerance_px`` and least squares over the inliers.
 
     Points are undistorted pixels, feet at Z = 0 and heads at ``person_height_m``. The spread
-    counts a track once, and adds that of the orientation where it is given. Raises
-    :class:`InputError` where nobody agrees with any height.
+    counts a track once, and adds that of the orientation where it is given. None where nobody
+    agrees with any height; raises :class:`InputError` for an unknown ``consensus``.
     """
+    if consensus not in CONSENSUS:
+        raise InputError(f"consensus must be one of {CONSENSUS}, found {consensus!r}")
     R = rotation_from_tilt_roll(orientation.tilt_rad, orientation.roll_rad)
     intervals = inlier_intervals(K, R, foot_uv, head_uv, person_height_m, tolerance_px)
     system = height_system(K, R, foot_uv, head_uv, person_height_m)
@@ -123,7 +122,7 @@ def solve_paper(
     else:
         inlier = ransac_consensus(intervals, own, rng=np.random.default_rng(seed))
     if not inlier.any():
-        raise InputError("no person agrees with any camera height at the given orientation")
+        return None
     height = system.solve(inlier)
     return PaperSolution(
         height_m=height,

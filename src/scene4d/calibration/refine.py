@@ -35,6 +35,7 @@ _SHORT_FROM, _SHORT_EDGE = 1.0, 0.5  # where "too short" begins, and its softnes
 HEIGHT_SIGMA_M = 0.09
 """Spread of adults' heights (METHOD section 4)."""
 _N = N_PARAMETERS + 1  # the camera, and the azimuth of the lines
+_AZIMUTH_RIDGE = 1e-2  # an azimuth that no line tells must not make the system singular
 _PRIOR_COUNT = 10.0
 _NOISE_RANGE = (0.004, 0.15)
 _HEIGHT_RANGE = (0.01, 0.2)
@@ -246,6 +247,7 @@ def normal_equations(problem: Problem, state: State, lin: Linearisation) -> Norm
         pulled = lin.lines.derivative * lin.lines.weight
         hessian += pulled @ lin.lines.derivative.T
         gradient += pulled @ lin.lines.residual
+        hessian[-1, -1] += _AZIMUTH_RIDGE
 
     stiffness = lin.height_weight / state.noise.height_m**2
     information = stiffness.copy()
