@@ -131,3 +131,12 @@ def test_heads_below_feet_belong_to_no_camera():
     # Nor do feet above the horizon.
     above = np.array([[640.0, -400.0]])
     assert np.isnan(inlier_intervals(camera.K, camera.R, above, above - [0, 50], 1.7).low).all()
+
+
+def test_heads_behind_the_camera_are_not_meant():
+    """Below the nadir lies the image of heads behind the camera: no height puts a head there."""
+    camera = build_camera(build_lens((1280, 720), 90.0), 70.0, 0.0, 6.0)
+    nadir = camera.K[1, 2] + camera.focal_px * np.tan(np.radians(20))
+    foot, head = np.array([[639.5, 300.0]]), np.array([[639.5, nadir + 60]])
+    assert head[0, 1] < 720
+    assert np.isnan(inlier_intervals(camera.K, camera.R, foot, head, 1.7).low).all()

@@ -209,7 +209,6 @@ def test_no_lines_are_no_information():
     np.testing.assert_array_equal(alone.camera.P, empty.camera.P)
 
 
-@pytest.mark.xfail(strict=True, reason="the azimuth's row of the normal equations is zero")
 @pytest.mark.parametrize("count", [0, 1, 3])
 def test_few_lines_that_say_nothing_of_the_azimuth_are_no_obstacle(count):
     """Uprights alone leave the azimuth free; lines that the lens cannot undo leave all free."""

@@ -74,7 +74,7 @@ def test_pets_boxes_with_the_true_lens(shared_data, name, error, height):
 
 @pytest.mark.parametrize("consensus", ["exact", "ransac"])
 def test_towncentre_by_the_papers_method(shared_data, consensus):
-    """The paper's figure, with 1000 frames and a network, is 1.18 m; here the orientation is told."""
+    """The paper's figure, with 1000 frames and a network, is 1.18 m; here it is told all else."""
     folder, size = shared_data / "towncentre", (1920, 1080)
     camera = read_camera(folder / "TownCentre-calibration.ci")
     truth = np.genfromtxt(folder / "TownCentreGTHalfRes.csv", delimiter=",", skip_header=1)

@@ -166,7 +166,8 @@ def test_boxes_alone():
 def test_the_papers_method_where_nobody_agrees():
     told = Orientation(1000.0, 0.3, 0.0)
     reason = refused(HEAD, FOOT, method="paper", prior=told)
-    assert reason == "no person agrees with any camera height at the given orientation"
+    assert reason.startswith("no person agrees with any camera height at")
+    assert "orientation" in reason
 
 
 def test_warnings_say_what_the_camera_rests_on():

@@ -200,7 +200,7 @@ def test_a_mean_height_is_a_scale():
 
 
 def _distorted(seed: int, *, centre=(0.0, 0.0), aspect=1.0, n: int = 250) -> Scene:
-    lens = build_lens((1280, 720), 60.0, aspect, centre, radial=(-0.06, 0.01, 0.0))
+    lens = build_lens((1280, 720), 60.0, aspect, centre, (-0.06, 0.01, 0.002), (0.003, -0.002))
     camera = build_camera(lens, 22.0, 3.0, 8.0)
     return Scene(camera, people_scene(camera, n, np.random.default_rng(seed), distorted=True))
 

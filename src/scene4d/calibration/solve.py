@@ -123,7 +123,7 @@ def solve_segments(
     if method == "paper":
         return paper_calibration(case)
     prior = _prior(case)
-    if segments.from_box[usable].all() and prior.sigma[FOCAL] > verdict.BOX_FOCAL_SIGMA:
+    if segments.from_box[usable].all() and prior.sigma[FOCAL] > verdict.FOCAL_KNOWN:
         return case.undetermined(verdict.BOXES_ALONE)
     problem = _problem(case, points.select(usable), prior)
     state = solve(problem, seed=seed)
@@ -184,7 +184,8 @@ def _judged(case: Case, problem: Problem, state: State) -> Calibration:
     camera = case.frame.camera(state.parameters)
     ground, relative = ground_error(case.found(camera=camera, covariance=cov, inlier=inlier))
     share = float(inlier[case.usable].mean())
-    why = verdict.refusal(problem.points, problem.prior, cov, relative, share)
+    depth = verdict.depth_of(problem.points, camera.R[:, 2], lin.inlier > 0.5)
+    why = verdict.refusal(problem.points, problem.prior, depth, cov, relative, share)
     if why is not None:
         return case.undetermined(why, inlier)
     along, across = spreads(problem, state.noise)

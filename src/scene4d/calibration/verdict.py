@@ -1,7 +1,7 @@
 """Whether a solution may be called a camera, and what to warn of; every refusal has its reason."""
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from scene4d.calibration.body import FOCAL, Points
 from scene4d.calibration.prior import Prior
@@ -12,11 +12,14 @@ MAX_GROUND_ERROR = 0.35
 """Predicted position error over distance, in the median, above which a camera is no use."""
 MAX_FOCAL_SIGMA = 0.45
 """Relative focal length error above which the scene's shape is unknown."""
+FOCAL_KNOWN = 0.3
+"""A focal length known this well (relative) before anybody is seen needs no depth in the scene."""
+MIN_DEPTH = 0.15
+"""Spread of the feet towards the horizon, in lengths of a person, below which their own noise
+(about 0.02) passes for distance: the horizon then comes out too far, and with confidence."""
 MIN_INLIERS = 0.3
 """Share of people as modelled below which the picture is not of upright people on a plane."""
 
-BOX_FOCAL_SIGMA = 0.3
-"""Boxes need the focal length to be known at least this well (relative)."""
 BOXES_ALONE = (
     "boxes alone do not determine the focal length: a box has no lean, and its size changes with "
     "the viewing angle as it does with the focal length; needed: a lens file (--lens), an "
@@ -24,9 +27,19 @@ BOXES_ALONE = (
 )
 
 
+def depth_of(points: Points, up: Float[np.ndarray, "3"], inlier: Bool[np.ndarray, "n"]) -> float:
+    """Standard deviation of the feet (n,) across the horizon, in median lengths of a person."""
+    foot, head = points.foot[:, inlier], points.head[:, inlier]
+    if foot.shape[1] == 0:
+        return 0.0
+    down = -up[:2] / max(float(np.hypot(up[0], up[1])), 1e-9)
+    return float(np.std(down @ foot) / np.median(np.hypot(*(head - foot))))
+
+
 def refusal(
     points: Points,
     prior: Prior,
+    depth: float,
     covariance: Float[np.ndarray, "5 5"],
     relative_ground_error: float,
     inlier_share: float,
@@ -39,12 +52,9 @@ def refusal(
             "needed: people who stand upright on the same plane, or a lens file if the lens "
             "bends strongly"
         )
+    flat = depth < MIN_DEPTH and prior.sigma[FOCAL] > FOCAL_KNOWN
     vague = focal_sigma > MAX_FOCAL_SIGMA
-    if (
-        not vague
-        and np.isfinite(relative_ground_error)
-        and relative_ground_error <= MAX_GROUND_ERROR
-    ):
+    if not flat and not vague and relative_ground_error <= MAX_GROUND_ERROR:  # false for NaN
         return None
     size = np.hypot(*(points.head - points.foot))
     size_ratio = float(np.quantile(size, 0.95) / np.quantile(size, 0.05))
@@ -52,14 +62,16 @@ def refusal(
     if reach < 1.0:
         where = "all people stand in one spot"
         needed = "people in other places of the picture, near and far"
-    elif size_ratio < 1.25:
+    elif flat or size_ratio < 1.25:
         where = "all people are at one distance from the camera"
         needed = "people who also walk nearer to the camera and farther from it"
     else:
         where = "the people seen are too few, or too alike in size and place"
         needed = "more people, nearer and farther and to both sides"
     what = (
-        f"the focal length is not determined (± {focal_sigma:.0%})"
+        "the focal length is not determined"
+        if flat
+        else f"the focal length is not determined (± {focal_sigma:.0%})"
         if vague
         else f"ground positions would be wrong by {relative_ground_error:.0%} of their distance"
     )
