@@ -73,9 +73,6 @@ def test_everybody_at_one_distance(seed):
     assert "people who also walk nearer to the camera and farther from it" in reason
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the noise of the feet is taken for distance: far off, and sure of it"
-)
 @pytest.mark.parametrize("fov_deg", [45.0, 70.0])
 def test_a_wide_row_at_one_distance_is_refused_or_right(fov_deg):
     """The feet's rows differ by their noise alone, and feet too low are people too long."""

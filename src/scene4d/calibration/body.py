@@ -9,8 +9,8 @@ head stands ``H - z_f`` above. Dividing by the depth, the ray through the head i
 
 with no reference to the ground coordinates. For keypoints ``r_b = r_h = 0``. A box is the outline
 of a body instead: its bottom edge touches the near rim of the body (``r_b`` before its axis, along
-the horizontal direction ``b`` away from the camera) and its top edge is tangent to the head (a
-sphere of radius ``r_h``, touched in the direction ``n`` at right angles to the ray).
+the horizontal direction ``b`` in which the image's rows are crossed) and its top edge is tangent to
+the head (a sphere of radius ``r_h``, touched in the direction ``n`` at right angles to the row).
 
 Derivatives are carried along by the chain rule (forward mode): a quantity with n columns has a
 derivative with a leading axis over the parameters (log f, tilt, roll, log h, D).
@@ -22,6 +22,7 @@ OpenCV's coefficient is ``k1 = D f²`` with f in half diagonals.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -43,6 +44,11 @@ class Points:
     head: Float[np.ndarray, "2 n"]
     from_box: Bool[np.ndarray, "n"]
     foot_height_m: float
+
+    @cached_property
+    def has_boxes(self) -> bool:
+        """Whether any of the people is a box."""
+        return bool(self.from_box.any())
 
     def select(self, rows: np.ndarray) -> "Points":
         """The given people, as a mask or as indices."""
@@ -128,23 +134,28 @@ def predict_heads(
     d_down[FOCAL] -= up[0] * d_xy[0, 0] + up[1] * d_xy[0, 1]
     d_down[CORNER] -= up[0] * d_xy[1, 0] + up[1] * d_xy[1, 1]
 
-    foot_z = np.where(points.from_box, 0.0, points.foot_height_m)
+    foot_z: float | np.ndarray = points.foot_height_m
+    top: float | np.ndarray = height_m
+    if points.has_boxes:
+        foot_z = np.where(points.from_box, 0.0, points.foot_height_m)
+        top = height_m - np.where(points.from_box, HEAD_RADIUS_M, 0.0)
     clearance = camera_height - foot_z
     scale = down / clearance  # m of the module docstring
     d_scale = d_down / clearance
     d_scale[HEIGHT] -= scale * camera_height / clearance
 
     q = np.empty((3, n))
-    d_q = np.zeros((N_PARAMETERS, 3, n))
-    rise = height_m - foot_z - np.where(points.from_box, HEAD_RADIUS_M, 0.0)
+    d_q = np.empty((N_PARAMETERS, 3, n))
+    rise = scale * (top - foot_z)
+    d_rise = d_scale * (top - foot_z)
     for axis in range(3):
-        q[axis] = scale * rise * up[axis]
-        d_q[:, axis] = d_scale * (rise * up[axis]) + (scale * rise) * d_up[:, axis, None]
+        q[axis] = rise * up[axis]
+        d_q[:, axis] = d_rise * up[axis] + rise * d_up[:, axis, None]
     q[:2] += xy
     q[2] += 1.0
     d_q[FOCAL, :2] += d_xy[0]
     d_q[CORNER, :2] += d_xy[1]
-    if points.from_box.any():
+    if points.has_boxes:
         _add_outline(q, d_q, points.from_box, xy, d_xy, up, d_up, scale, d_scale)
     by_height = scale * up[:, None]
 
@@ -172,22 +183,23 @@ def _add_outline(
     d_ray = np.zeros((N_PARAMETERS, 3, len(m)))
     d_ray[FOCAL, :2], d_ray[CORNER, :2] = d_xy[0][:, rows], d_xy[1][:, rows]
 
-    along = up @ ray
-    d_along = np.einsum("pi,in->pn", d_up, ray) + np.einsum("i,pin->pn", up, d_ray)
+    # The row of the image through the foot: the rim's point that is lowest in it.
+    row = np.vstack([np.zeros_like(ray[0]), np.ones_like(ray[0]), -ray[1]])
+    d_row = np.zeros_like(d_ray)
+    d_row[:, 2] = -d_ray[:, 1]
+    along = up @ row
+    d_along = np.einsum("pi,in->pn", d_up, row) + np.einsum("i,pin->pn", up, d_row)
     b, d_b = _unit(
-        ray - up[:, None] * along,
-        d_ray - d_up[:, :, None] * along - up[:, None] * d_along[:, None],
+        up[:, None] * along - row,
+        d_up[:, :, None] * along + up[:, None] * d_along[:, None] - d_row,
     )
     centre = q[:, rows] + BODY_RADIUS_M * m * b
     d_centre = d_q[:, :, rows] + BODY_RADIUS_M * (d_m[:, None] * b + m * d_b)
 
-    c, d_c = _unit(centre, d_centre)
-    along = up @ c
-    d_along = np.einsum("pi,in->pn", d_up, c) + np.einsum("i,pin->pn", up, d_c)
-    n, d_n = _unit(
-        up[:, None] - c * along,
-        d_up[:, :, None] - d_c * along - c * d_along[:, None],
-    )
+    # A row is a plane through the x axis: it touches the sphere at right angles to (c_y, c_z).
+    c = np.vstack([np.zeros_like(m), -centre[2], centre[1]])
+    d_c = np.stack([np.zeros_like(d_m), -d_centre[:, 2], d_centre[:, 1]], axis=1)
+    n, d_n = _unit(c, d_c)
     q[:, rows] = centre + HEAD_RADIUS_M * m * n
     d_q[:, :, rows] = d_centre + HEAD_RADIUS_M * (d_m[:, None] * n + m * d_n)
 

@@ -9,9 +9,6 @@ from jaxtyping import Bool, Float
 from scene4d.calibration.frame import ImageFrame
 from scene4d.model import Calibration, Lens, Orientation, Segments
 
-GROUND_SAMPLE = 300
-"""So many feet are enough to tell the typical error of the ground."""
-
 
 @dataclass(frozen=True, eq=False)
 class Assumptions:
@@ -76,15 +73,9 @@ def ground_error(found: Calibration) -> tuple[dict[str, float], float]:
     """Predicted error where people walked: median and p90 (m) within the scene, and the median
     error from the camera over the distance.
     """
-    camera, segments = found.camera, found.segments
-    assert camera is not None and segments is not None and found.inlier is not None
-    uv = segments.foot_uv[found.inlier]
-    uv = uv[:: max(1, len(uv) // GROUND_SAMPLE)]
-    xy, seen = camera.locate(camera.undistort(uv)[0])
-    uv, xy = uv[seen], xy[seen]
-    if len(uv) == 0:
+    xy, within, from_camera = found.walked_ground_sigma_m()
+    if len(xy) == 0:
         return {"median": np.inf, "p90": np.inf}, np.inf
-    median, p90 = np.quantile(found.ground_sigma_m(uv), [0.5, 0.9])
-    distance = np.maximum(np.hypot(*xy.T), 1e-6)
-    relative = float(np.median(found.ground_sigma_m(uv, from_camera=True) / distance))
+    median, p90 = np.quantile(within, [0.5, 0.9])
+    relative = float(np.median(from_camera / np.maximum(np.hypot(*xy.T), 1e-6)))
     return {"median": float(median), "p90": float(p90)}, relative

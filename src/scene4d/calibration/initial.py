@@ -14,7 +14,7 @@ from scene4d.calibration.prior import Prior
 _ALONG, _ACROSS = 0.07, 0.06
 """Rough spread of a head about its prediction, in lengths of the person (height included)."""
 _OUTLIER = 3.0
-GRID_PEOPLE = 100
+GRID_PEOPLE = 64
 """So many people are enough to tell a good orientation from a bad one."""
 
 
@@ -74,7 +74,9 @@ def starting_points(
     orientations, log_ratio, across = orientations[usable], log_ratio[usable], across[usable]
     if len(orientations) == 0:
         return np.empty((0, 5))
-    level = np.nanmedian(log_ratio, axis=1)  # log H / h
+    # Median of what is finite, log H / h: sorting puts NaN last.
+    middle = np.isfinite(log_ratio).sum(axis=1) // 2
+    level = np.sort(log_ratio, axis=1)[np.arange(len(log_ratio)), middle]
     chi2 = ((log_ratio - level[:, None]) / _ALONG) ** 2 + (across / _ACROSS) ** 2
     chi2 = np.where(np.isfinite(chi2), chi2, np.inf)
     cost = (weight * (1 - 1 / (1 + chi2 / _OUTLIER**2))).sum(axis=1) * _OUTLIER**2

@@ -7,16 +7,18 @@ from jaxtyping import Float, Int
 
 from scene4d.calibration.initial import starting_points
 from scene4d.calibration.lines import best_azimuths
-from scene4d.calibration.refine import Noise, Problem, State, linearise, minimise, updated_noise
+from scene4d.calibration.refine import Noise, Problem, State, descend, minimise, updated_noise
 
-SEARCH_PEOPLE = 250
+SEARCH_PEOPLE = 100
 """So many people are enough to choose among starting points; all of them refine the winner."""
 NOISE_PEOPLE = 4_000
 """So many people tell the noise to one per cent."""
-STARTS = 3
-SEARCH_WIDTH = 2.0
-"""The search believes in so many times the usual noise, so that it sees far people too."""
-NOISE_ROUNDS = 3
+FEW_PEOPLE = 60
+STARTS, STARTS_FOR_FEW = 3, 6
+SEARCH_WIDTH, SEARCH_WIDTH_FOR_FEW = 2.0, 1.0
+"""How many starts are tried, with how many times the usual noise. Many people lead from afar; among
+few, outliers make valleys of their own, which only more and narrower starts tell apart."""
+NOISE_ROUNDS = 4
 NEW_POSITION = 0.25
 """A track counts anew when its feet have moved by this fraction of the person's length."""
 
@@ -61,34 +63,41 @@ def solve(problem: Problem, *, seed: int = 0) -> State | None:
     """The best camera found, or None where no starting point is possible at all."""
     small = _thinned(problem, SEARCH_PEOPLE, seed)
     people_only = replace(small, lines=None)
+    few = len(small.track) < FEW_PEOPLE
+    width = SEARCH_WIDTH_FOR_FEW if few else SEARCH_WIDTH
     starts = starting_points(
-        small.points, small.weight, small.person_height_m, small.prior, keep=STARTS
+        small.points,
+        small.weight,
+        small.person_height_m,
+        small.prior,
+        keep=STARTS_FOR_FEW if few else STARTS,
     )
     if len(starts) == 0:
         return None
     candidates: list[tuple[float, int, State]] = []
     for parameters in starts:
-        state = State(parameters, np.zeros(small.n_heights), Noise().widened(SEARCH_WIDTH))
-        state = minimise(people_only, state, steps=4, tolerance=0.1)
-        candidates.append((linearise(people_only, state).cost, len(candidates), state))
+        state = State(parameters, np.zeros(small.n_heights), Noise().widened(width))
+        state, lin = descend(people_only, state, steps=4, tolerance=0.1)
+        candidates.append((lin.cost, len(candidates), state))
     state = minimise(people_only, min(candidates)[2], steps=6, tolerance=0.1)
     state = replace(state, noise=Noise())
     if problem.lines is not None:
         state = _with_azimuth(small, state)
-    state = _with_noise(small, state, NOISE_ROUNDS)
     middle = _thinned(problem, NOISE_PEOPLE, seed)
     if middle is not small:
-        state = _with_noise(middle, replace(state, delta_m=np.zeros(middle.n_heights)), 2)
+        state = _with_noise(small, state, 1)
+        state = replace(state, delta_m=np.zeros(middle.n_heights))
+    state = _with_noise(middle, state, NOISE_ROUNDS if middle is small else NOISE_ROUNDS - 2)
     if middle is not problem:
         state = replace(state, delta_m=np.zeros(problem.n_heights))
-    return minimise(problem, state, steps=20, tolerance=1e-5)
+    return minimise(problem, state, steps=20, tolerance=1e-4)
 
 
 def _with_noise(problem: Problem, state: State, rounds: int) -> State:
     """Refine camera and noise in turns."""
     for _ in range(rounds):
-        state = minimise(problem, state, steps=4, tolerance=1e-2)
-        state = replace(state, noise=updated_noise(problem, state))
+        state, lin = descend(problem, state, steps=4, tolerance=0.1)
+        state = replace(state, noise=updated_noise(problem, state, lin))
     return state
 
 
@@ -97,8 +106,8 @@ def _with_azimuth(problem: Problem, state: State) -> State:
     assert problem.lines is not None
     candidates: list[tuple[float, int, State]] = []
     for azimuth in best_azimuths(state.parameters, problem.lines):
-        trial = minimise(problem, replace(state, azimuth=azimuth), steps=15, tolerance=1e-2)
-        candidates.append((linearise(problem, trial).cost, len(candidates), trial))
+        trial, lin = descend(problem, replace(state, azimuth=azimuth), steps=15, tolerance=1e-2)
+        candidates.append((lin.cost, len(candidates), trial))
     return min(candidates)[2] if candidates else state
 
 

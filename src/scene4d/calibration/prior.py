@@ -5,6 +5,7 @@ the image's corner by the lens; see :mod:`scene4d.calibration.body`.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -27,12 +28,12 @@ class Prior:
     mean: Float[np.ndarray, "5"]
     sigma: Float[np.ndarray, "5"]
 
-    @property
+    @cached_property
     def free(self) -> Bool[np.ndarray, "5"]:
         """Which parameters are estimated."""
         return self.sigma > 0
 
-    @property
+    @cached_property
     def precision(self) -> Float[np.ndarray, "5"]:
         """``1 / sigma²``, zero where a parameter is unknown or fixed."""
         with np.errstate(divide="ignore"):

@@ -142,10 +142,10 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     along, across = spreads(problem, noise)
 
     expected = predicted.head - points.foot
-    # The sides of a box are upright whatever leans in it: only its height is an observation.
-    expected[0] = np.where(points.from_box, seen[0], expected[0])
     by_parameter, by_height = predicted.by_parameter, predicted.by_height
-    if points.from_box.any():
+    if points.has_boxes:
+        # The sides of a box are upright whatever leans in it: only its height is an observation.
+        expected[0] = np.where(points.from_box, seen[0], expected[0])
         by_parameter[:, 0, points.from_box] = 0.0
         by_height[0, points.from_box] = 0.0
     expected2 = np.maximum((expected * expected).sum(axis=0), 1e-18)
@@ -280,6 +280,13 @@ def minimise(problem: Problem, state: State, *, steps: int, tolerance: float) ->
     Stops when a step gains less than ``tolerance``. The cost is twice a negative logarithm of a
     probability, so that a gain of 0.01 is a tenth of a standard deviation, whatever n.
     """
+    return descend(problem, state, steps=steps, tolerance=tolerance)[0]
+
+
+def descend(
+    problem: Problem, state: State, *, steps: int, tolerance: float
+) -> tuple[State, Linearisation]:
+    """:func:`minimise`, with the linearisation at the state it returns."""
     free = np.append(problem.prior.free, problem.lines is not None)
     lin = linearise(problem, state)
     damping = 1e-3
@@ -299,12 +306,12 @@ def minimise(problem: Problem, state: State, *, steps: int, tolerance: float) ->
                 break
             damping *= 6
         else:
-            return state
+            return state, lin
         gain = lin.cost - attempt.cost
         state, lin, damping = trial, attempt, max(damping / 8, 1e-9)
         if gain < tolerance:
             break
-    return state
+    return state, lin
 
 
 _LARGEST_STEP = np.array([0.5, 0.25, 0.25, 0.6, 0.05, 0.1])
@@ -312,20 +319,21 @@ _LARGEST_STEP = np.array([0.5, 0.25, 0.25, 0.6, 0.05, 0.1])
 
 def _damped_step(system: NormalEquations, free: np.ndarray, damping: float) -> np.ndarray:
     step = np.zeros(_N)
-    matrix = system.hessian[np.ix_(free, free)]
-    matrix = matrix + damping * np.diag(np.diag(matrix) + 1e-9)
+    matrix = system.hessian[free][:, free]
+    matrix[np.diag_indices_from(matrix)] *= 1 + damping
     step[free] = -np.linalg.solve(matrix, system.gradient[free])
     return step / max(1.0, float((np.abs(step) / _LARGEST_STEP).max()))
 
 
-def updated_noise(problem: Problem, state: State) -> Noise:
+def updated_noise(problem: Problem, state: State, lin: Linearisation | None = None) -> Noise:
     """Noise, height spread and shares that the residuals support, each with a weak prior.
 
     A step of expectation-maximisation: a height that is only partly known hides part of the
     residual, which its posterior variance puts back. People seen once tell the sum of noise and
-    height spread alone; it is split in the proportion believed so far.
+    height spread alone; it is split in the proportion believed so far. ``lin`` is the
+    linearisation at ``state`` where it is at hand.
     """
-    lin = linearise(problem, state)
+    lin = linearise(problem, state) if lin is None else lin
     system = normal_equations(problem, state, lin)
     noise, box, lone = state.noise, problem.points.from_box, problem.lone
     hidden = np.zeros(len(problem.track))

@@ -39,7 +39,8 @@ def solve_camera(
     what is known of the first three beforehand. ``method="paper"`` takes them from ``prior`` and
     solves for the height alone (Wagner et al. 2019). ``person_height_m`` is the mean height of
     the population, and all uncertainties are conditional on it; ``foot_height_m`` is the height
-    of the foot points above the ground. ``track`` says which rows are one person (-1: unknown).
+    of the foot points above the ground. ``track`` says which rows are one person (-1: unknown);
+    the rows of a person are in order of time.
 
     Returns a :class:`Calibration`, false with a reason where the camera is undetermined. Raises
     :class:`InputError` for arrays that are no points, and for the paper's method without prior.

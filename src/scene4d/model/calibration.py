@@ -20,7 +20,7 @@ PARAMETERS: tuple[str, ...] = (
 """Order of the covariance's rows: log f, tilt, roll, log C_Z, and the fraction D by which the lens
 displaces the image's corner: ``k1 = D (f / half diagonal)²``, so that D does not move with f."""
 _STEP = 1e-5
-_ALIGN_POINTS = 300  # feet that say where the scene lies
+_FEET = 200  # so many feet say where the scene lies, and how well it is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,18 +88,32 @@ class Calibration:
         covariance = np.zeros((5, 5)) if self.covariance is None else self.covariance
         xy, jacobian, valid = self._ground_jacobian(uv)
         if not from_camera and self.segments is not None:
-            feet = (
-                self.segments.foot_uv
-                if self.inlier is None
-                else (self.segments.foot_uv[self.inlier])
-            )
-            at, moved, seen = self._ground_jacobian(feet[:: max(1, len(feet) // _ALIGN_POINTS)])
-            if seen.sum() >= 2:
-                motion = np.linalg.lstsq(
-                    _rigid_motions(at[seen]).reshape(-1, 3), moved[seen].reshape(-1, 5), rcond=None
-                )[0]
-                jacobian = jacobian - _rigid_motions(xy) @ motion
+            at, moved, _ = self._ground_jacobian(self._some_feet_uv())
+            jacobian = jacobian - _common_motion(at, moved, xy)
         return jacobian @ covariance @ np.swapaxes(jacobian, -1, -2), valid
+
+    def walked_ground_sigma_m(
+        self,
+    ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+        """Ground points (n, 2) of a sample of the feet, with both errors of
+        :meth:`ground_sigma_m`: within the scene, and from the camera.
+        """
+        covariance = np.zeros((5, 5)) if self.covariance is None else self.covariance
+        xy, jacobian, valid = self._ground_jacobian(self._some_feet_uv())
+        xy, jacobian = xy[valid], jacobian[valid]
+        within = jacobian - _common_motion(xy, jacobian, xy)
+        sigma = [
+            np.sqrt(np.trace(j @ covariance @ np.swapaxes(j, -1, -2), axis1=1, axis2=2))
+            for j in (within, jacobian)
+        ]
+        return xy, sigma[0], sigma[1]
+
+    def _some_feet_uv(self) -> np.ndarray:
+        if self.segments is None:
+            return np.empty((0, 2))
+        feet = self.segments.foot_uv
+        feet = feet if self.inlier is None else feet[self.inlier]
+        return feet[:: max(1, len(feet) // _FEET)]
 
     def _ground_jacobian(self, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Ground points (n, 2), their derivatives by the parameters (n, 2, 5), and validity."""
@@ -173,3 +187,12 @@ def _rigid_motions(xy: np.ndarray) -> np.ndarray:
     motions[:, 0, 0] = motions[:, 1, 1] = 1.0
     motions[:, 0, 2], motions[:, 1, 2] = -xy[:, 1], xy[:, 0]
     return motions
+
+
+def _common_motion(at: np.ndarray, moved: np.ndarray, xy: np.ndarray) -> np.ndarray:
+    """Derivatives (n, 2, 5) at ``xy`` of the rigid motion nearest to those ``moved`` (m, 2, 5)."""
+    seen = np.isfinite(moved).all(axis=(1, 2))
+    if seen.sum() < 2:
+        return np.zeros((len(xy), 2, moved.shape[2]))
+    design, answer = _rigid_motions(at[seen]).reshape(-1, 3), moved[seen].reshape(-1, 5)
+    return _rigid_motions(xy) @ np.linalg.lstsq(design, answer, rcond=None)[0]
