@@ -84,7 +84,7 @@ def test_derivatives_agree_with_central_differences(camera, seed):
         )
     # By how much the touching point of a box wanders over the head as the person grows is left out.
     numeric = near(np.zeros(5), 1.0)
-    for rows, rtol in ((ok & points.from_box, 2e-3), (ok & ~points.from_box, 1e-5)):
+    for rows, rtol in ((ok & points.from_box, 1e-5), (ok & ~points.from_box, 1e-5)):
         np.testing.assert_allclose(
             found.by_height[1, rows], numeric[1, rows], rtol=rtol, atol=1e-7 * size
         )

@@ -155,9 +155,11 @@ def predict_heads(
     q[2] += 1.0
     d_q[FOCAL, :2] += d_xy[0]
     d_q[CORNER, :2] += d_xy[1]
-    if points.has_boxes:
-        _add_outline(q, d_q, points.from_box, xy, d_xy, up, d_up, scale, d_scale)
     by_height = scale * up[:, None]
+    if points.has_boxes:
+        _add_outline(
+            q, d_q, by_height, points.from_box, xy[1], d_xy[:, 1], up, d_up, scale, d_scale
+        )
 
     valid = valid & (q[2] > 1e-6)
     depth = np.where(valid, q[2], 1.0)
@@ -174,34 +176,38 @@ def predict_heads(
 
 
 def _add_outline(
-    q: np.ndarray, d_q: np.ndarray, rows: np.ndarray, xy: np.ndarray, d_xy: np.ndarray,
-    up: np.ndarray, d_up: np.ndarray, scale: np.ndarray, d_scale: np.ndarray,
+    q: np.ndarray, d_q: np.ndarray, by_height: np.ndarray, rows: np.ndarray, y: np.ndarray,
+    d_y: np.ndarray, up: np.ndarray, d_up: np.ndarray, scale: np.ndarray, d_scale: np.ndarray,
 ) -> None:  # fmt: skip
-    """Add ``m (r_b b + r_h n)`` and its derivatives to the rows that are boxes, in place."""
-    m, d_m = scale[rows], d_scale[:, rows]
-    ray = np.vstack([xy[:, rows], np.ones((1, len(m)))])
-    d_ray = np.zeros((N_PARAMETERS, 3, len(m)))
-    d_ray[FOCAL, :2], d_ray[CORNER, :2] = d_xy[0][:, rows], d_xy[1][:, rows]
+    """Add ``m (r_b b + r_h n)`` and its derivatives to the people that are boxes, in place.
 
-    # The row of the image through the foot: the rim's point that is lowest in it.
-    row = np.vstack([np.zeros_like(ray[0]), np.ones_like(ray[0]), -ray[1]])
-    d_row = np.zeros_like(d_ray)
-    d_row[:, 2] = -d_ray[:, 1]
+    ``y`` (n,) is the image row of the feet, ``d_y`` (2, n) its derivatives by log f and D.
+    """
+    m, d_m, y = scale[rows], d_scale[:, rows], y[rows]
+    # The plane of sight of the row has the normal (0, 1, -y); the lowest point of the rim lies
+    # where it points, as far as that is horizontal.
+    d_row = np.zeros((N_PARAMETERS, 3, len(m)))
+    d_row[FOCAL, 2], d_row[CORNER, 2] = -d_y[0][rows], -d_y[1][rows]
+    row = np.stack([np.zeros_like(y), np.ones_like(y), -y])
     along = up @ row
-    d_along = np.einsum("pi,in->pn", d_up, row) + np.einsum("i,pin->pn", up, d_row)
+    d_along = np.einsum("pi,in->pn", d_up, row) + up[2] * d_row[:, 2]
     b, d_b = _unit(
         up[:, None] * along - row,
         d_up[:, :, None] * along + up[:, None] * d_along[:, None] - d_row,
     )
     centre = q[:, rows] + BODY_RADIUS_M * m * b
-    d_centre = d_q[:, :, rows] + BODY_RADIUS_M * (d_m[:, None] * b + m * d_b)
+    d_centre = np.empty((N_PARAMETERS + 1, 3, len(m)))  # the last by the person's height
+    d_centre[:-1] = d_q[:, :, rows] + BODY_RADIUS_M * (d_m[:, None] * b + m * d_b)
+    d_centre[-1] = by_height[:, rows]
 
     # A row is a plane through the x axis: it touches the sphere at right angles to (c_y, c_z).
-    c = np.vstack([np.zeros_like(m), -centre[2], centre[1]])
-    d_c = np.stack([np.zeros_like(d_m), -d_centre[:, 2], d_centre[:, 1]], axis=1)
+    c = np.stack([np.zeros_like(m), -centre[2], centre[1]])
+    d_c = np.zeros_like(d_centre)
+    d_c[:, 1], d_c[:, 2] = -d_centre[:, 2], d_centre[:, 1]
     n, d_n = _unit(c, d_c)
     q[:, rows] = centre + HEAD_RADIUS_M * m * n
-    d_q[:, :, rows] = d_centre + HEAD_RADIUS_M * (d_m[:, None] * n + m * d_n)
+    d_q[:, :, rows] = d_centre[:-1] + HEAD_RADIUS_M * (d_m[:, None] * n + m * d_n[:-1])
+    by_height[:, rows] = d_centre[-1] + HEAD_RADIUS_M * m * d_n[-1]
 
 
 def _distort(
