@@ -50,6 +50,16 @@ class Points:
         """Whether any of the people is a box."""
         return bool(self.from_box.any())
 
+    @cached_property
+    def seen(self) -> Float[np.ndarray, "2 n"]:
+        """From the feet to the head."""
+        return self.head - self.foot
+
+    @cached_property
+    def seen2(self) -> Float[np.ndarray, "n"]:
+        """Squared length of the people."""
+        return self.seen[0] ** 2 + self.seen[1] ** 2
+
     def select(self, rows: np.ndarray) -> "Points":
         """The given people, as a mask or as indices."""
         return Points(

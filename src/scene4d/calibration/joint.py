@@ -14,7 +14,7 @@ SEARCH_PEOPLE = 100
 NOISE_PEOPLE = 4_000
 """So many people tell the noise to one per cent."""
 FEW_PEOPLE = 60
-STARTS, STARTS_FOR_FEW = 3, 6
+STARTS, STARTS_FOR_FEW = 2, 6
 SEARCH_WIDTH, SEARCH_WIDTH_FOR_FEW = 2.0, 1.0
 """How many starts are tried, with how many times the usual noise. Many people lead from afar; among
 few, outliers make valleys of their own, which only more and narrower starts tell apart."""

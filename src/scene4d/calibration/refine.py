@@ -137,8 +137,7 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     """Residuals, derivatives, weights and cost at ``state``."""
     points, noise = problem.points, state.noise
     predicted = predict_heads(state.parameters, points, problem.heights_m(state.delta_m))
-    seen = points.head - points.foot
-    length = np.sqrt((seen * seen).sum(axis=0))
+    seen = points.seen
     along, across = spreads(problem, noise)
 
     expected = predicted.head - points.foot
@@ -148,22 +147,28 @@ def linearise(problem: Problem, state: State) -> Linearisation:
         expected[0] = np.where(points.from_box, seen[0], expected[0])
         by_parameter[:, 0, points.from_box] = 0.0
         by_height[0, points.from_box] = 0.0
-    expected2 = np.maximum((expected * expected).sum(axis=0), 1e-18)
-    dot = (expected * seen).sum(axis=0)
+    expected2 = np.maximum(expected[0] ** 2 + expected[1] ** 2, 1e-18)
+    dot = expected[0] * seen[0] + expected[1] * seen[1]
     cross = seen[0] * expected[1] - seen[1] * expected[0]
-    residual = np.stack(
-        [0.5 * np.log(expected2 / length**2) / along, np.arctan2(cross, dot) / across]
-    )
+    residual = np.empty_like(seen)
+    residual[0] = 0.5 * np.log(expected2 / points.seen2) / along
+    residual[1] = np.arctan2(cross, dot) / across
+    stretch = expected / (expected2 * along)
+    turn_x, turn_y = -expected[1] / (expected2 * across), expected[0] / (expected2 * across)
 
     def in_sigmas(v: np.ndarray) -> np.ndarray:
         """Derivatives of (log length, direction) from those of the predicted head."""
-        stretch = (v * expected).sum(axis=-2)
-        turn = expected[0] * v[..., 1, :] - expected[1] * v[..., 0, :]
-        return np.stack([stretch / (expected2 * along), turn / (expected2 * across)], axis=-2)
+        out = np.empty_like(v)
+        out[..., 0, :] = v[..., 0, :] * stretch[0] + v[..., 1, :] * stretch[1]
+        out[..., 1, :] = v[..., 0, :] * turn_x + v[..., 1, :] * turn_y
+        return out
 
     inlier, upright, push, loss = _mixture(residual, predicted.valid, along, across, noise)
     cost = float(problem.weight @ loss)
-    residual = np.where(predicted.valid, residual, 0.0)
+    by_parameter = in_sigmas(by_parameter)
+    if not predicted.valid.all():
+        residual = np.where(predicted.valid, residual, 0.0)
+        by_parameter = np.where(predicted.valid, by_parameter, 0.0)
     weight = problem.weight * np.stack([inlier, upright])
     force = weight * residual
     force[0] -= problem.weight * push
@@ -175,11 +180,10 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     if problem.lines is not None:
         terms = line_terms(np.append(state.parameters, state.azimuth), problem.lines)
         cost += terms.cost
-    ok = predicted.valid
     return Linearisation(
         residual,
-        np.where(ok, in_sigmas(by_parameter), 0.0),
-        in_sigmas(by_height),
+        by_parameter,
+        in_sigmas(by_height) if problem.n_heights else np.zeros_like(seen),
         inlier,
         weight,
         force,
