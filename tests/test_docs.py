@@ -4,7 +4,11 @@ import re
 import runpy
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from scene4d.formats.demo import demo_detections
+from scene4d.pipeline import Options, Silent, run_detections, write
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "ARCHITECTURE.md", ROOT / "CONTRIBUTING.md"]
@@ -17,6 +21,24 @@ def test_the_python_of_the_readme_runs(capsys: pytest.CaptureFixture[str]):
     for block in blocks:
         exec(compile(block, "README.md", "exec"), {})
     assert capsys.readouterr().out.startswith("ok ")
+
+
+def test_the_tutorial_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    """On the embedded people of the sample video, so that no network is needed."""
+    people = demo_detections()
+    result = run_detections(people, Options(), Silent(), "the sample video")
+    write(result, tmp_path / "first", command=None, progress=Silent())
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "docs" / "tutorial.md").read_text()
+    scope: dict[str, object] = {}
+    for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL):
+        exec(compile(block, "tutorial.md", "exec"), scope)
+    out = capsys.readouterr().out
+    assert "metres from the camera" in out
+    assert 0.3 < np.median(scope["speeds"]) < 2.0
+    assert 1.2 < max(scope["speeds"]) < 4.0
 
 
 def test_the_example_on_points_finds_its_camera(capsys: pytest.CaptureFixture[str]):
