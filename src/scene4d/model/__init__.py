@@ -1,7 +1,8 @@
 """Immutable values that the stages exchange."""
 
 from scene4d.model.calibration import PARAMETERS, Calibration
-from scene4d.model.camera import SCHEMA, Camera, Lens, write_bytes, write_json
+from scene4d.model.camera import SCHEMA, Camera, Lens
+from scene4d.model.files import read_json, write_bytes, write_json
 from scene4d.model.orientation import Orientation
 from scene4d.model.people import COCO17, HALPE26, Detections, Segments
 
@@ -16,6 +17,7 @@ __all__ = [
     "Lens",
     "Orientation",
     "Segments",
+    "read_json",
     "write_bytes",
     "write_json",
 ]

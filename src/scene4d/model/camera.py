@@ -1,17 +1,15 @@
 """The camera and its lens: immutable values with the few operations everybody needs."""
 
-import json
 import os
-import tempfile
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from scene4d import geometry
-from scene4d.errors import InputError, OutputError
+from scene4d.errors import InputError
+from scene4d.model.files import read_json, write_json
 
 SCHEMA = "scene4d/camera/1"
 ASPECT_TOLERANCE = 0.01
@@ -213,13 +211,7 @@ class Camera(Lens):
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Camera":
         """Read a ``camera.json``. Raises :class:`InputError` naming the file and the field."""
-        path = Path(path)
-        try:
-            values = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"{path}: is not JSON: {error}") from error
+        values = read_json(path)
         if not isinstance(values, dict) or values.get("schema") != SCHEMA:
             raise InputError(f'{path}: field "schema" must be "{SCHEMA}"')
         if values.get("status", "ok") != "ok":
@@ -240,33 +232,3 @@ class Camera(Lens):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a ``camera.json`` atomically. Raises :class:`OutputError` where it cannot."""
         write_json(path, self.to_dict())
-
-
-def write_json(path: str | os.PathLike[str], values: dict[str, Any]) -> None:
-    """Write JSON beside ``path`` and move it into place, so that it is never seen half-written."""
-    text = json.dumps(values, indent=1, allow_nan=False) + "\n"
-    write_bytes(path, text.encode())
-
-
-def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write a file atomically; the previous one survives any failure.
-
-    Raises :class:`OutputError` (read-only folder, full disk, missing folder).
-    """
-    path = Path(path)
-    temporary = None
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        umask = os.umask(0)
-        os.umask(umask)
-        Path(temporary).chmod(0o666 & ~umask)
-        Path(temporary).replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror}") from error
-    finally:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)

@@ -1,14 +1,13 @@
 """What is known of a camera's orientation beforehand, as a Gaussian."""
 
-import json
 import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from scene4d.errors import InputError
+from scene4d.model.files import read_json
 
 _FIELDS = ("focal_px", "tilt_deg", "roll_deg")
 
@@ -55,13 +54,7 @@ class Orientation:
         Raises :class:`InputError` naming the file and the field; unknown fields are let pass
         only where ``scene4d orientation --json`` writes them.
         """
-        path = Path(path)
-        try:
-            values = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"{path}: is not JSON: {error}") from error
+        values = read_json(path)
         if not isinstance(values, dict):
             raise InputError(f"{path}: expected an object with {', '.join(_FIELDS)}")
         sigma = {} if values.get("sigma") is None else values["sigma"]

@@ -1,0 +1,164 @@
+"""Looking at footage once: people, whether the camera moves, the scene's edges."""
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scene4d.errors import InputError
+from scene4d.model import Camera, Detections, Lens
+from scene4d.pipeline.options import Options, Seen
+from scene4d.pipeline.progress import Progress, timed
+from scene4d.pipeline.solving import solved
+
+if TYPE_CHECKING:
+    from scene4d.perception.people import PeopleDetector
+    from scene4d.video.frames import Frame, Source
+
+ROUGH_FRAMES = 12
+"""So many frames give a camera good enough to tell the detector how large people are where."""
+
+
+def fetch_weights(progress: Progress) -> None:
+    """Get the networks that are missing; raises as :func:`perception.weights.fetch_all`."""
+    from scene4d.perception.weights import fetch_all, missing_weights
+
+    if not missing_weights():
+        fetch_all()  # checks those that are here
+        return
+    percent = 0
+
+    def told(source: str, so_far: int, total: int) -> None:
+        nonlocal percent
+        now = 100 * so_far // total if total else percent
+        step(now - percent)
+        percent = now
+
+    with progress.stage("Fetching the networks", 100) as step:
+        fetch_all(told)
+
+
+def annotated(options: Options, image_size: tuple[int, int], fps: float | None) -> Seen:
+    """What an annotation file says was seen, instead of a detector."""
+    from scene4d.formats.annotations import read_annotations
+
+    assert options.annotations is not None
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        detections = read_annotations(
+            options.annotations, image_size=image_size, fps=fps, drop_invalid=options.drop_invalid
+        )
+    notes = [f"{w.message}." for w in caught]
+    return Seen(detections, len(np.unique(detections.frame)), notes=notes)
+
+
+def watch(
+    footage: "Source",
+    lens: Lens | None,
+    options: Options,
+    progress: Progress,
+    timings: dict[str, float],
+) -> Seen:
+    """Look at sampled frames once: people, whether the camera moves, the scene's edges."""
+    from scene4d.perception.lines import straight_edges
+    from scene4d.video.background import Background
+    from scene4d.video.motion import MotionMonitor
+
+    people = None if options.annotations else _people_detector(footage, lens, options, progress)
+    monitor = MotionMonitor(footage.image_size)
+    expected = _expected_frames(footage, options)
+    background = Background(footage.image_size, expected)
+    parts: list[Detections] = []
+    count = 0
+    with timed(timings, "decode and detect"), progress.stage("Watching people", expected) as step:
+        for frame in _sampled(footage, options.frames):
+            monitor.add(frame.image_bgr, frame.time_s)
+            background.add(frame)
+            if people is not None:
+                parts.append(people.look(frame))
+            count += 1
+            step(1)
+    if count == 0:
+        raise InputError(f"{footage.name}: no frame could be read")
+    verdict = monitor.verdict()
+    if verdict.moved:
+        raise InputError(f"{footage.name}: {verdict.reason}")
+    if people is None:
+        seen = annotated(options, footage.image_size, footage.fps)
+    else:
+        seen = Seen(Detections.concatenate(parts), count)
+        drop_stationary(seen)
+    if verdict.reason is not None and count > 1:
+        seen.notes.append(f"{verdict.reason[0].upper()}{verdict.reason[1:]}.")
+    seen.image_bgr = background.image()
+    if options.lines and options.method == "joint" and seen.image_bgr is not None:
+        with timed(timings, "edges"):
+            hidden = None if background.is_median else seen.detections.box_xyxy
+            seen.edges = straight_edges(seen.image_bgr, hidden)
+    return seen
+
+
+def drop_stationary(seen: Seen) -> None:
+    """Take out what never moves, and note how many sightings that were."""
+    from scene4d.perception.stationary import stationary
+
+    still = stationary(seen.detections)
+    if still.any():
+        seen.detections = seen.detections.select(~still)
+        seen.notes.append(
+            f"{int(still.sum())} sightings that never move (mannequins, posters, reflections) "
+            "were left out."
+        )
+
+
+def _sampled(footage: "Source", n: int | None) -> "Iterator[Frame]":
+    from scene4d.video.sampling import sample_frames
+
+    return sample_frames(footage, n)
+
+
+def _expected_frames(footage: "Source", options: Options) -> int | None:
+    from scene4d.video.sampling import expected_count
+
+    return expected_count(footage, options.frames)
+
+
+def _people_detector(
+    footage: "Source", lens: Lens | None, options: Options, progress: Progress
+) -> "PeopleDetector":
+    """The default detector; where it needs tiles, a rough camera first tells it where."""
+    from scene4d.perception.detectors.tiles import choose_tiles
+    from scene4d.perception.detectors.yolox import YoloxDetector
+    from scene4d.perception.people import PeopleDetector, detect_people
+
+    fetch_weights(progress)
+    people = PeopleDetector.default()
+    many = _expected_frames(footage, options) or 0
+    if footage.timeline is None or many < 3 * ROUGH_FRAMES:
+        return people
+    if len(choose_tiles(footage.image_size)) == 0:
+        return people
+    with progress.stage("A first look", ROUGH_FRAMES) as step:
+        rough = detect_people(
+            _sampled(footage, ROUGH_FRAMES),
+            replace(people, tracker=None),
+            progress=lambda done, found: step(1),
+        )
+    first = solved(Seen(rough, ROUGH_FRAMES), lens, replace(options, method="joint"), None)
+    if not first or first.camera is None:
+        return people
+    assert isinstance(people.detector, YoloxDetector)
+    camera, height_m = first.camera, options.person_height_m
+    expecting = people.detector.expecting(lambda rows: person_px(camera, rows, height_m))
+    return replace(people, detector=expecting)
+
+
+def person_px(camera: Camera, rows: np.ndarray, person_height_m: float) -> np.ndarray:
+    """Height in pixels of a person with feet at image ``rows``, mid-width; NaN: nobody can be."""
+    middle = np.full(len(rows), (camera.image_size[0] - 1) / 2)
+    xy, valid = camera.locate(camera.undistort(np.column_stack([middle, rows]).astype(float))[0])
+    head, seen = camera.project(np.column_stack([xy, np.full(len(xy), person_height_m)]))
+    height = np.asarray(rows, float) - camera.distort(head)[:, 1]
+    return np.where(valid & seen & (height > 0), height, np.nan)

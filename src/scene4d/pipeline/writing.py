@@ -1,0 +1,113 @@
+"""The files of a calibration, all of them or none."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from scene4d.errors import OutputError
+from scene4d.model import Calibration, write_json
+from scene4d.pipeline.options import Run
+from scene4d.pipeline.progress import Progress, timed
+
+
+def write(result: Run, out_dir: str | Path, *, command: str | None, progress: Progress) -> Path:
+    """Write camera.json, people.parquet, figures and report.html; returns the report's path.
+
+    Raises :class:`OutputError` where the folder cannot be written. Everything is written beside
+    its target first, so an earlier result survives a full disk or Ctrl-C; ``camera.json`` comes
+    last, so a folder that has one is complete.
+    """
+    out = ensure_folder(out_dir)
+    with timed(result.timings, "report"), progress.stage("Drawing the report", None):
+        try:
+            with tempfile.TemporaryDirectory(dir=out, prefix=".scene4d-") as staging:
+                try:
+                    _write_all(result, Path(staging), command)
+                except OutputError as error:
+                    raise OutputError(str(error).replace(staging, str(out))) from error
+                _move_into_place(Path(staging), out)
+        except OSError as error:
+            raise OutputError(f"{out}: cannot be written: {error.strerror}") from error
+    return out / "report.html"
+
+
+def _write_all(result: Run, folder: Path, command: str | None) -> None:
+    from importlib.metadata import version
+
+    from scene4d.formats.tables import write_people
+    from scene4d.report import write_report
+
+    found = result.calibration
+    camera = found.camera
+    write_report(
+        folder,
+        found,
+        image_bgr=result.image_bgr,
+        ground_sigma_m=None
+        if camera is None or not found
+        else lambda uv: found.ground_sigma_m(camera.distort(uv)),
+        source_name=result.source_name,
+        command=command,
+        timings=result.timings,
+        version=version("scene4d"),
+    )
+    write_people(folder / "people.parquet", people_table(found))
+    write_json(folder / "camera.json", found.to_dict())
+
+
+def _move_into_place(folder: Path, out: Path) -> None:
+    """The old result goes as the new one comes; between the two there is no camera.json."""
+    from scene4d.report import FIGURES
+
+    (out / "figures").mkdir(exist_ok=True)
+    (out / "camera.json").unlink(missing_ok=True)
+    for name in (*(f"figures/{figure}.png" for figure in FIGURES), "report.html", "people.parquet"):
+        if (folder / name).exists():
+            (folder / name).replace(out / name)
+        else:
+            (out / name).unlink(missing_ok=True)
+    (folder / "camera.json").replace(out / "camera.json")
+
+
+def people_table(found: Calibration) -> dict[str, np.ndarray]:
+    """Columns of ``people.parquet``: every segment, its residual, and whether it was an inlier."""
+    segments = found.segments
+    assert segments is not None
+    n = len(segments)
+    nowhere = np.full((n, 2), np.nan)
+    on_ground = nowhere
+    if found and found.camera is not None:
+        on_ground = found.camera.locate(found.camera.undistort(segments.foot_uv)[0])[0]
+    return {
+        "frame": segments.frame,
+        "time_s": segments.time_s,
+        "track": segments.track,
+        "foot_u": segments.foot_uv[:, 0],
+        "foot_v": segments.foot_uv[:, 1],
+        "head_u": segments.head_uv[:, 0],
+        "head_v": segments.head_uv[:, 1],
+        "x1": segments.box_xyxy[:, 0],
+        "y1": segments.box_xyxy[:, 1],
+        "x2": segments.box_xyxy[:, 2],
+        "y2": segments.box_xyxy[:, 3],
+        "score": segments.score,
+        "from_box": segments.from_box,
+        "x_m": on_ground[:, 0],
+        "y_m": on_ground[:, 1],
+        "residual": np.full(n, np.nan) if found.residual is None else found.residual,
+        "inlier": np.zeros(n, bool) if found.inlier is None else found.inlier,
+    }
+
+
+def ensure_folder(path: str | Path) -> Path:
+    """Make the output folder and see that it can be written, before any work is done."""
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".scene4d-writes-here"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise OutputError(f"{folder}: cannot be written: {error.strerror}") from error
+    return folder
