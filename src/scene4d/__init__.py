@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from scene4d.calibration import solve_camera as solve_camera
+    from scene4d.formats.cameras import read_camera as read_camera
+    from scene4d.formats.cameras import write_camera as write_camera
     from scene4d.model import Calibration as Calibration
     from scene4d.model import Camera as Camera
     from scene4d.model import Lens as Lens

@@ -163,8 +163,9 @@ def test_boxes_alone():
 def test_the_papers_method_where_nobody_agrees():
     told = Orientation(1000.0, 0.3, 0.0)
     reason = refused(HEAD, FOOT, method="paper", prior=told)
-    assert reason.startswith("no person agrees with any camera height at")
-    assert "orientation" in reason
+    assert reason.startswith("only 0 of")
+    assert "agree with one camera height at this orientation" in reason
+    assert "--method joint" in reason
 
 
 def test_warnings_say_what_the_camera_rests_on():

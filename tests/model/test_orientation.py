@@ -76,7 +76,7 @@ def test_a_missing_field_is_named(tmp_path, field):
         (PLAIN | {"tilt_deg": None}, "tilt_deg must be a number, found None"),
         (PLAIN | {"tilt_deg": 181}, "tilt_rad must lie within ±π"),
         (PLAIN | {"roll_deg": -181}, "roll_rad must lie within ±π"),
-        (PLAIN | {"tilt_deg": float("nan")}, "tilt_rad must lie within ±π .*found nan"),
+        (PLAIN | {"tilt_deg": float("nan")}, "tilt_rad must lie within ±π/2 .*found nan"),
         ([1200, 18, -3], "expected an object with focal_px, tilt_deg, roll_deg"),
         ("", "is not JSON"),
         ("{", "is not JSON"),

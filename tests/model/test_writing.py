@@ -46,7 +46,7 @@ def test_a_file_gets_the_usual_permissions(tmp_path):
     assert now == 0o027
 
 
-@pytest.mark.parametrize("step", ["fsync", "replace", "chmod"])
+@pytest.mark.parametrize("step", ["fsync", "replace"])
 @pytest.mark.parametrize(
     ("failure", "seen"),
     [

@@ -236,7 +236,7 @@ def test_a_read_only_folder_is_one_clear_error_and_stays_as_it_was(tmp_path, mon
     def refuse(*args: object, **kwargs: object) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("scene4d.model.camera.tempfile.mkstemp", refuse)
+    monkeypatch.setattr("scene4d.model.files.secrets.token_hex", refuse)
     with pytest.raises(OutputError, match="Permission denied"):
         write_report(tmp_path, scenes.calibration(n=30))
     assert {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()} == before

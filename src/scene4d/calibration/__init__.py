@@ -1,6 +1,6 @@
 """The camera from the people who walk through its footage."""
 
-from scene4d.calibration.segments import person_segments
+from scene4d.calibration.segments import missing_keypoints, person_segments
 from scene4d.calibration.solve import METHODS, solve_camera, solve_segments
 
-__all__ = ["METHODS", "person_segments", "solve_camera", "solve_segments"]
+__all__ = ["METHODS", "missing_keypoints", "person_segments", "solve_camera", "solve_segments"]

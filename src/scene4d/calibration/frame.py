@@ -40,8 +40,10 @@ class ImageFrame:
 
     def normalised(self, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "2 n"]:
         """Undistorted (or, without a lens, footage) pixels to the solver's frame."""
-        scale = np.array([1.0, 1 / self.aspect]) / self.half_diagonal_px
-        return np.ascontiguousarray(((uv - self.centre_uv) * scale).T)
+        x, y = (uv - self.centre_uv).T
+        if self.lens is not None:
+            x = x - self.lens.K[0, 1] / self.lens.K[1, 1] * y  # a skewed sensor made square
+        return np.stack([x, y / self.aspect]) / self.half_diagonal_px
 
     def points(self, segments: Segments, foot_height_m: float) -> Points:
         """The solver's view of segments given in footage pixels; unseen ends become NaN."""
@@ -61,6 +63,7 @@ class ImageFrame:
             distortion = np.zeros(5)
             distortion[0] = parameters[CORNER] * np.exp(2 * parameters[FOCAL])
         else:
+            K[0, 1] = self.lens.K[0, 1] * focal / self.lens.K[0, 0]
             # The lens bends by position on the sensor: rescale its coefficients to this focal.
             stretch = focal / self.lens.K[0, 0]
             distortion = self.lens.distortion * stretch ** np.array([2, 4, 1, 1, 6])

@@ -22,7 +22,7 @@ def _grid(prior: Prior) -> np.ndarray:
     """Orientations (m, 3): the fixed values where fixed, else a spread over the prior."""
     focal = [-0.6, -0.25, 0.1, 0.45, 0.8, 1.15, 1.5]
     tilt = np.radians([0, 5, 10, 16, 23, 31, 40, 50, 62, 75])
-    roll = np.radians([-10, -3, 3, 10])
+    roll = prior.mean[ROLL] + np.radians([-10, -3, 3, 10])
     axes: list[np.ndarray] = []
     for index, full in ((FOCAL, focal), (TILT, tilt), (ROLL, roll)):
         mean, sigma = prior.mean[index], prior.sigma[index]

@@ -48,15 +48,12 @@ def position_weights(
 
 def _places(foot: np.ndarray, length: np.ndarray) -> int:
     """How often a walk (2, n) gets a new position away from the last counted one."""
-    reach2 = (NEW_POSITION * length) ** 2
-    places, last = 1, 0
-    while True:
-        gap = foot[:, last + 1 :] - foot[:, last, None]
-        moved = (gap * gap).sum(axis=0) > reach2[last + 1 :]
-        if not moved.any():
-            return places
-        last += 1 + int(moved.argmax())
-        places += 1
+    places, (x0, y0) = 1, foot[:, 0].tolist()
+    reach2 = ((NEW_POSITION * length) ** 2).tolist()
+    for x, y, reach in zip(foot[0].tolist(), foot[1].tolist(), reach2, strict=True):
+        if (x - x0) ** 2 + (y - y0) ** 2 > reach:
+            places, x0, y0 = places + 1, x, y
+    return places
 
 
 def solve(problem: Problem, *, seed: int = 0) -> State | None:

@@ -18,8 +18,16 @@ _RIGHT_FOOT = ("right_big_toe", "right_small_toe", "right_heel")
 _NEEDED = ("head_top", *_LEFT_FOOT, *_RIGHT_FOOT, *_TRUNK)
 
 
+def missing_keypoints(detections: Detections) -> list[str]:
+    """Names of the keypoints that segments need and these detections, which have some, lack."""
+    if not detections.keypoint_names:
+        return []
+    return sorted(set(_NEEDED) - set(detections.keypoint_names))
+
+
 def person_segments(detections: Detections) -> Segments:
-    """Segments of the people who are seen whole, from keypoints where there are any, else boxes.
+    """Segments of the people who are seen whole, from keypoints where head top, heels and toes are
+    among them (:func:`missing_keypoints`), else from boxes.
 
     Head top and the mean of both feet are points of one vertical line; a box gives its top and
     bottom centre, which the solver reads through a model of the body. Boxes that touch the

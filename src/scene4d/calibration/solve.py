@@ -6,10 +6,11 @@ from jaxtyping import Float, Int
 from scene4d.calibration import verdict
 from scene4d.calibration.body import FOCAL, HEIGHT, Points
 from scene4d.calibration.case import Assumptions, Case, ground_error
+from scene4d.calibration.contradiction import contradictions
 from scene4d.calibration.frame import ImageFrame
 from scene4d.calibration.joint import position_weights, solve
 from scene4d.calibration.lines import Lines
-from scene4d.calibration.paper import paper_calibration
+from scene4d.calibration.paper import CONSENSUS, paper_calibration
 from scene4d.calibration.prior import Prior, default_prior
 from scene4d.calibration.refine import Problem, State, linearise, spreads
 from scene4d.calibration.uncertainty import covariance, systematic_covariance
@@ -52,6 +53,8 @@ def solve_camera(
         if not np.isfinite(points).all():
             row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
             raise InputError(f"{name} row {row} is not finite: drop people without that point")
+    if track is not None and np.asarray(track).dtype.kind not in "iu":
+        raise InputError("track must hold whole numbers, -1 where unknown")
     if len(foot) != len(head) or (track is not None and len(track) != len(foot)):
         raise InputError("foot_uv, head_uv and track must have one row per person")
     segments = Segments.from_points(foot, head, track=track)
@@ -90,11 +93,19 @@ def solve_segments(
     edges of the scene in the same pixels. ``population_sigma_m`` is how well the mean height of
     the people here is known, and widens the covariance. ``systematics`` is meant for real
     footage: it adds the errors that all people share, and counts a track's places as correlated.
+    ``consensus`` (``"exact"`` or ``"ransac"``) is that of the paper's method, ``seed`` that of all
+    sampling. Raises :class:`InputError` for values that make no sense.
     """
     if method not in METHODS:
         raise InputError(f"method must be one of {METHODS}, found {method!r}")
     if not 0.5 <= person_height_m <= 2.5:
         raise InputError(f"person_height_m must lie in 0.5 to 2.5 metres, found {person_height_m}")
+    if not 0 <= population_sigma_m < person_height_m:
+        raise InputError(f"population_sigma_m must be 0 or more, found {population_sigma_m}")
+    if consensus not in CONSENSUS:
+        raise InputError(f"consensus must be one of {CONSENSUS}, found {consensus!r}")
+    if min(image_size) < 1:
+        raise InputError(f"image_size must be positive, found {image_size}")
     if not 0 <= foot_height_m < person_height_m / 2:
         raise InputError(f"foot_height_m must lie in 0 to half a person, found {foot_height_m}")
     asked = Assumptions(
@@ -170,6 +181,7 @@ def _lines(frame: ImageFrame, xyxy: np.ndarray) -> Lines:
         ends = frame.lens.undistort(ends)[0]
     both = frame.normalised(ends).T.reshape(-1, 4)
     both = both[np.isfinite(both).all(axis=1)]
+    both = both[np.hypot(both[:, 2] - both[:, 0], both[:, 3] - both[:, 1]) > 1e-6]
     unit = frame.half_diagonal_px
     return Lines.from_pixels(both * unit, np.zeros(2), unit)
 
@@ -178,7 +190,8 @@ def _judged(case: Case, problem: Problem, state: State) -> Calibration:
     """The calibration of a solved problem, or its refusal."""
     cov = covariance(problem, state)
     if case.asked.systematics:
-        cov = cov + systematic_covariance(problem, state)
+        measured = case.frame.lens is not None
+        cov = cov + systematic_covariance(problem, state, measured_lens=measured)
     cov[HEIGHT, HEIGHT] += (case.asked.population_sigma_m / problem.person_height_m) ** 2
     lin = linearise(problem, state)
     inlier = case.over_all(lin.inlier > 0.5, False)
@@ -191,12 +204,13 @@ def _judged(case: Case, problem: Problem, state: State) -> Calibration:
         return case.undetermined(why, inlier)
     along, across = spreads(problem, state.noise)
     people = len(np.unique(problem.track))
-    told = verdict.warnings(int(case.usable.sum()), people, share, problem.prior, cov)
+    said = verdict.warnings(int(case.usable.sum()), people, share, problem.prior, cov)
+    said += contradictions(case, problem)
     return case.found(
         camera=camera,
         covariance=cov,
         inlier=inlier,
         residual=case.over_all(np.hypot(lin.residual[0] * along, lin.residual[1] * across), np.nan),
         ground_error_m=ground,
-        warnings=tuple(told),
+        warnings=tuple(said),
     )

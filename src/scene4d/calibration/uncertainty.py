@@ -17,7 +17,7 @@ from scene4d.calibration.refine import (
 
 OUTLIER_LEAK = 0.03
 """Bias of length (and of length against distance) for a share 1 of shortened people: those cut by
-little pass for people. Read off synthetic scenes with 10 to 40 % of them (tests/calibrate)."""
+little pass for people. Read off synthetic scenes with 10 to 40 % of them (tests/calibration)."""
 
 
 def covariance(problem: Problem, state: State) -> Float[np.ndarray, "5 5"]:
@@ -57,6 +57,7 @@ class Systematic:
     name: str
     sigma: float
     disturb: Callable[[Points, float], Points]
+    of_lens: bool = False
 
 
 def _shifted(axis: int) -> Callable[[Points, float], Points]:
@@ -100,8 +101,8 @@ BOX_FACTOR = 2.0
 """Boxes grow and shrink with the viewing angle more than bodies do (METHOD section 2, lesson 1)."""
 
 SYSTEMATICS: tuple[Systematic, ...] = (
-    Systematic("principal point, u", 0.05, _shifted(0)),
-    Systematic("principal point, v", 0.05, _shifted(1)),
+    Systematic("principal point, u", 0.05, _shifted(0), of_lens=True),
+    Systematic("principal point, v", 0.05, _shifted(1), of_lens=True),
     Systematic("lean of people", 0.08, _leaning),
     Systematic("size against distance", 0.03, _growing),
     Systematic("size across the picture", 0.02, _growing_aside),
@@ -110,15 +111,23 @@ SYSTEMATICS: tuple[Systematic, ...] = (
 4 % per e-fold of distance; the lens of PETS is 12 % of the half diagonal off centre."""
 
 
+MEASURED_LENS_SIGMA = 0.005
+"""Principal point of a measured lens, in half diagonals."""
+
+
 def systematic_covariance(
-    problem: Problem, state: State, systematics: tuple[Systematic, ...] = SYSTEMATICS
+    problem: Problem, state: State, *, measured_lens: bool = False
 ) -> Float[np.ndarray, "5 5"]:
     """What the shared effects add to the covariance (Schmidt's consider covariance).
 
     Each effect b moves the minimum by ``-A⁻¹ ∂g/∂b``; the gradient's change is taken by a
     difference quotient over the disturbed points.
     """
-    return _consider(problem, state, _inverse_hessian(problem, state), systematics)
+    effects = tuple(
+        replace(effect, sigma=MEASURED_LENS_SIGMA) if measured_lens and effect.of_lens else effect
+        for effect in SYSTEMATICS
+    )
+    return _consider(problem, state, _inverse_hessian(problem, state), effects)
 
 
 def _consider(

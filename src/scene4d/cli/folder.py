@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from scene4d.errors import OutputError
 from scene4d.pipeline import ensure_folder
 
 
@@ -13,7 +14,10 @@ def output_folder(out: Path) -> Iterator[None]:
 
     Raises :class:`OutputError` where it cannot be written.
     """
-    made = [folder for folder in (out, *out.parents) if not folder.exists()]
+    try:
+        made = [folder for folder in (out, *out.parents) if not folder.exists()]
+    except OSError as error:
+        raise OutputError(f"{out}: cannot be written: {error.strerror}") from error
     try:
         ensure_folder(out)
         yield

@@ -36,6 +36,11 @@ class Orientation:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.focal_px) and self.focal_px > 0):
             raise InputError(f"orientation: focal_px must be positive, found {self.focal_px}")
+        if not abs(self.tilt_rad) <= np.pi / 2:
+            raise InputError(
+                f"orientation: tilt_rad must lie within ±π/2 (straight up or down), "
+                f"found {self.tilt_rad}"
+            )
         for name in ("tilt_rad", "roll_rad"):
             if not abs(getattr(self, name)) <= np.pi:
                 raise InputError(

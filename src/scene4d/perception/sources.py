@@ -10,6 +10,7 @@ import tempfile
 import time
 import urllib.request
 import zipfile
+import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -137,7 +138,7 @@ def _member(archive: bytes, path: str) -> bytes | None:
         with zipfile.ZipFile(io.BytesIO(archive)) as file:
             names = [n for n in file.namelist() if n == path or n.endswith(f"/{path}")]
             return file.read(names[0]) if names else None
-    except (zipfile.BadZipFile, OSError, EOFError) as error:
+    except (zipfile.BadZipFile, zlib.error, OSError, EOFError, NotImplementedError) as error:
         raise SourceFailedError(f"the archive is damaged ({error})") from error
 
 

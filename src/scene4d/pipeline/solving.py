@@ -14,7 +14,7 @@ def solved(
     seen: Seen, lens: Lens | None, options: Options, orientation: Orientation | None
 ) -> Calibration:
     """The calibration of what was seen, with what was noticed on the way among its warnings."""
-    from scene4d.calibration import person_segments, solve_segments
+    from scene4d.calibration import missing_keypoints, person_segments, solve_segments
 
     found = solve_segments(
         person_segments(seen.detections),
@@ -29,6 +29,11 @@ def solved(
         systematics=True,
         seed=options.seed,
     )
+    missing = missing_keypoints(seen.detections)
+    if missing:
+        seen.notes.append(
+            f"The annotations' keypoints lack {', '.join(missing)}; their boxes were used instead."
+        )
     said = (*seen.notes, *found.warnings)
     return replace(found, frames=seen.frames, warnings=said)
 

@@ -16,7 +16,7 @@ class Background:
     def __init__(self, image_size: tuple[int, int], expected_frames: int | None) -> None:
         width, height = image_size
         room = max(3, min(MAX_FRAMES, int(MAX_BYTES / (width * height * 3))))
-        self._step = max(1, (expected_frames or room) // room)
+        self._step = max(1, -(-(expected_frames or room) // room))
         self._room = room
         self._seen = 0
         self._kept: list[np.ndarray] = []

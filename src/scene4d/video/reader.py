@@ -26,9 +26,13 @@ def open_source(source: str | os.PathLike[str]) -> Source:
     if scheme:
         return _open_stream(text, scheme[1].lower())
     path = Path(text)
-    if path.is_dir():
+    try:
+        is_folder, exists = path.is_dir(), path.exists()
+    except (OSError, ValueError) as error:
+        raise InputError(f"{text}: cannot be opened: {error}") from error
+    if is_folder:
         return _open_folder(path)
-    if not path.exists() and glob.has_magic(text):
+    if not exists and glob.has_magic(text):
         return _open_glob(text)
     return _open_file(path)
 

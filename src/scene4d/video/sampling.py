@@ -38,10 +38,10 @@ def sample_frames(
     return source.frames(choose_frames(source.timeline, inside, n, pixels).tolist())
 
 
-def expected_count(source: Source, n: int | None = None) -> int | None:
-    """How many frames :func:`sample_frames` will give; None for a stream, which may end."""
+def expected_count(source: Source, n: int | None = None) -> int:
+    """How many frames :func:`sample_frames` will give; a stream may end before."""
     if source.timeline is None:
-        return n
+        return DEFAULT_FRAMES[0] if n is None else n
     everything = np.arange(len(source.timeline))
     wanted = _default_count(source.timeline, everything) if n is None else n
     return min(wanted, len(everything))

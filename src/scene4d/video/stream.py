@@ -15,7 +15,9 @@ STREAM_TIMEOUT_S = 15.0
 
 def without_password(url: str) -> str:
     """The address as messages and reports may show it."""
-    return re.sub(r"//[^/@]*@", "//", url)
+    address = re.sub(r"//[^\s/?#]*@", "//", url)  # up to the last @: passwords may hold one
+    secret = r"(?i)\b(pass(?:word|wd)?|pwd|token|auth|key)=[^&\s/]*"
+    return re.sub(secret, r"\1=***", address)
 
 
 class StreamSource(Source):

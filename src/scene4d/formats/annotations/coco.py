@@ -87,7 +87,10 @@ def _skeleton(
             raise InputError(f"{where}: field 'keypoints' must hold x, y, v per keypoint")
         category = categories.get(entry.get("category_id", 0), {})
         known = {17: COCO17, 26: HALPE26}.get(len(values) // 3, ())
-        names = tuple(map(str, category.get("keypoints") or known))
+        listed = category.get("keypoints") or known
+        if not isinstance(listed, list | tuple):
+            raise InputError(f"categories: field 'keypoints' must list names, found {listed!r}")
+        names = tuple(map(str, listed))
         if len(names) != len(values) // 3:
             raise InputError(f"{where}: {len(values) // 3} keypoints, but {len(names)} names")
         found.add(names)
@@ -113,7 +116,7 @@ def _document(text: str) -> tuple[dict[str, Any], bool]:
     """The data set's fields, and whether the file is a bare list of results."""
     try:
         values = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"is not JSON: {error}") from error
     if isinstance(values, list):
         return {"annotations": values}, True

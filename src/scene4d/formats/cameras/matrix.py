@@ -41,7 +41,7 @@ def _sniff(path: Path, head: str) -> bool:
 def _json_values(text: str) -> np.ndarray:
     try:
         rows = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"is not JSON: {error}") from error
     flat: list[object] = []
     for row in rows if isinstance(rows, list) else []:
