@@ -246,6 +246,21 @@ def test_stream_addresses_go_to_the_stream_reader_and_hide_the_password(monkeypa
     assert "secret" not in without_password(url)
 
 
+@pytest.mark.parametrize(
+    "url",
+    [
+        "rtsp://user:se@cret@host/a",
+        "rtsp://host/user=admin&password=se@cret&channel=1",
+        "http://host/x?user=a&pwd=se@cret",
+        "http://host/x?token=se@cret",
+    ],
+)
+def test_no_part_of_a_password_is_shown(url):
+    shown = without_password(url)
+    assert "host" in shown
+    assert "se@" not in shown and "cret" not in shown
+
+
 def test_an_unknown_scheme_names_those_that_are_read():
     with pytest.raises(InputError, match=r"ftp:// is no kind of stream .* rtsp"):
         open_source("ftp://host/video.mp4")
