@@ -63,3 +63,32 @@ def test_a_folder_that_is_not_there(run, scene, tmp_path):
     done = run("export", scene["lens"], "--to", "krtd", "--out", tmp_path / "no" / "x")
     assert done.exit_code == 1 and done.stdout == ""
     assert done.stderr.startswith("scene4d: error: ") and len(done.stderr.splitlines()) == 1
+
+
+def test_a_format_without_an_image_size_is_told_it(run, scene, camera, tmp_path):
+    stream, back = tmp_path / "camInfo.yml", tmp_path / "back.json"
+    run("export", scene["lens"], "--to", "deepstream", "--out", stream)
+    done = run("export", stream, "--to", "json", "--out", back)
+    assert done.exit_code == 1 and "--image-size" in done.stderr
+    size = "{}x{}".format(*camera.image_size)
+    done = run(
+        "export",
+        stream,
+        "--to",
+        "json",
+        "--out",
+        back,
+        "--image-size",
+        size,
+        "--from",
+        "deepstream",
+    )
+    assert done.exit_code == 0, done.stderr
+    np.testing.assert_allclose(Camera.load(back).P, camera.P, atol=1e-2)
+
+
+def test_the_camera_that_is_read_is_not_written_over(run, scene):
+    before = scene["lens"].read_bytes()
+    done = run("export", scene["lens"], "--to", "krtd", "--out", scene["lens"])
+    assert done.exit_code == 1 and "give another --out" in done.stderr
+    assert scene["lens"].read_bytes() == before

@@ -83,6 +83,12 @@ def test_swapped_boxes_of_the_tracker_are_told_or_dropped(shared_data):
     assert len(found) == 539
 
 
+def test_boxes_of_another_image_are_not_left_out_but_refused(shared_data):
+    path = shared_data / "towncentre" / "tracker_boxes.txt"
+    with pytest.raises(InputError, match=r"270 of 541 boxes are impossible.*this footage"):
+        read_annotations(path, image_size=(768, 576), drop_invalid=True)
+
+
 @pytest.fixture(scope="session")
 def meva_clip(shared_data, tmp_path_factory):
     folder = tmp_path_factory.mktemp("meva")

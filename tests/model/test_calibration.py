@@ -131,3 +131,15 @@ def test_what_is_undetermined_does_not_load_and_says_why(tmp_path):
     write_json(path, calibration(**UNDETERMINED).to_dict())
     with pytest.raises(ValueError, match="holds no camera: all people stand at one distance"):
         Camera.load(path)
+
+
+def test_a_calibration_prints_in_one_line():
+    camera = Camera.from_pose(
+        image_size=(640, 480), focal_px=500.0, tilt_rad=0.35, roll_rad=0.0, height_m=4.0
+    )
+    assert repr(camera) == "<Camera 640x480: focal 500 px, tilt 20.05°, roll 0.00°, height 4.00 m>"
+    known = {"method": "joint", "image_size": (640, 480), "person_height_m": 1.7}
+    good = Calibration(status="ok", camera=camera, covariance=np.diag([1e-4] * 5), **known)
+    assert "focal 500 ± 5 px" in repr(good) and "\n" not in repr(good)
+    bad = Calibration(status="undetermined", reason="nobody was seen", **known)
+    assert repr(bad) == "<Calibration undetermined: nobody was seen>"

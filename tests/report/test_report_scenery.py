@@ -126,7 +126,8 @@ def test_the_horizon_band_is_the_spread_of_sampled_horizons():
 def test_vertical_ticks_run_along_plumb_lines(pose):
     camera = built(pose)
     ticks = scenery.vertical_ticks(camera)
-    assert len(ticks) > 0
+    middle = np.array([[(camera.image_size[0] - 1) / 2, camera.image_size[1] * 0.25]])
+    assert len(ticks) > 0 or not camera.undistort(middle)[1].all()  # the lens does not reach there
     for tick in ticks[np.isfinite(ticks).all(axis=(1, 2))][::7]:
         uv, _ = camera.undistort(tick)
         ray = np.column_stack([uv, np.ones(len(uv))]) @ np.linalg.inv(camera.K).T @ camera.R

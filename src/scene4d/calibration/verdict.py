@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
-from scene4d.calibration.body import FOCAL, Points
+from scene4d.calibration.body import FOCAL, TILT, Points
 from scene4d.calibration.prior import Prior
 
 MIN_PEOPLE = 3
@@ -14,6 +14,8 @@ MAX_FOCAL_SIGMA = 0.45
 """Relative focal length error above which the scene's shape is unknown."""
 FOCAL_KNOWN = 0.3
 """A focal length known this well (relative) before anybody is seen needs no depth in the scene."""
+TOLD_TILT = 0.2
+"""A prior this narrow (radians) was told by the user, and may be wrong."""
 MIN_DEPTH = 0.15
 """Spread of the feet towards the horizon, in lengths of a person, below which their own noise
 (about 0.02) passes for distance: the horizon then comes out too far, and with confidence."""
@@ -47,10 +49,12 @@ def refusal(
     """Why the camera is undetermined and what would determine it, or None where it is."""
     focal_sigma = float(np.sqrt(covariance[FOCAL, FOCAL]))
     if inlier_share < MIN_INLIERS:
+        told = prior.sigma[TILT] < TOLD_TILT
+        first = "an orientation that fits this footage, " if told else ""
         return (
             f"only {inlier_share:.0%} of the people agree with one camera over one flat ground; "
-            "needed: people who stand upright on the same plane, or a lens file if the lens "
-            "bends strongly"
+            f"needed: {first}people who stand upright on the same plane, or a lens file if the "
+            "lens bends strongly"
         )
     flat = depth < MIN_DEPTH and prior.sigma[FOCAL] > FOCAL_KNOWN
     vague = focal_sigma > MAX_FOCAL_SIGMA

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from scene4d.cli.arguments import Json
+from scene4d.cli.arguments import Json, parse_image_size
 from scene4d.cli.guard import guarded
 from scene4d.cli.output import emit, emit_json
 from scene4d.errors import InputError
@@ -46,6 +46,14 @@ def export(
             metavar="FILE", help="File to write; for COLMAP, the folder.", show_default=False
         ),
     ],
+    from_format: Annotated[
+        str | None,
+        typer.Option("--from", metavar="FORMAT", help="Format of CAMERA, where it is not clear."),
+    ] = None,
+    image_size: Annotated[
+        str | None,
+        typer.Option(metavar="WxH", help="Image size, for formats that do not hold it."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Write a camera in the format of another program.
@@ -67,7 +75,10 @@ def export(
     from scene4d.formats.cameras import read_camera, write_camera
     from scene4d.model import Camera
 
-    found = read_camera(camera)
+    if out.exists() and camera.exists() and out.samefile(camera):
+        raise InputError(f"{out}: is the camera that is read; give another --out")
+    size = None if image_size is None else parse_image_size(image_size)
+    found = read_camera(camera, image_size=size, format=from_format)
     if not isinstance(found, Camera):
         raise InputError(
             f"{camera}: holds a lens and no pose, and a camera needs both; give the camera.json "

@@ -23,7 +23,7 @@ _STEP = 1e-5
 _FEET = 200  # so many feet say where the scene lies, and how well it is known
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Calibration:
     """What a calibration found; false where the camera is undetermined.
 
@@ -50,6 +50,17 @@ class Calibration:
 
     def __bool__(self) -> bool:
         return self.status == "ok"
+
+    def __repr__(self) -> str:
+        if not self or self.camera is None:
+            return f"<Calibration undetermined: {self.reason}>"
+        c, s = self.camera, self.sigma or dict.fromkeys(("focal_px", "tilt_deg", "height_m"), 0.0)
+        return (
+            f"<Calibration ({self.method}): focal {c.focal_px:.0f} ± {s['focal_px']:.0f} px, "
+            f"tilt {np.degrees(c.tilt_rad):.1f} ± {s['tilt_deg']:.1f}°, "
+            f"height {c.height_m:.2f} ± {s['height_m']:.2f} m, "
+            f"{self.inliers} of {self.people} people>"
+        )
 
     @property
     def people(self) -> int:

@@ -86,7 +86,7 @@ class Lens:
         return geometry.undistort(uv, self.K, self.distortion)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Camera(Lens):
     """A calibrated camera: a lens and its pose ``cam_from_world = [R | t]`` in metres.
 
@@ -102,6 +102,14 @@ class Camera(Lens):
         object.__setattr__(self, "t", _frozen(self.t, (3,), "t"))
         if not geometry.is_rotation(self.R):
             raise InputError("R must be a rotation matrix (orthonormal, determinant +1)")
+
+    def __repr__(self) -> str:
+        width, height = self.image_size
+        return (
+            f"<Camera {width}x{height}: focal {self.focal_px:.0f} px, "
+            f"tilt {np.degrees(self.tilt_rad):.2f}°, roll {np.degrees(self.roll_rad):.2f}°, "
+            f"height {self.height_m:.2f} m>"
+        )
 
     @classmethod
     def from_pose(

@@ -71,7 +71,7 @@ def run(source: str | Path | None, options: Options, progress: Progress) -> Run:
             name = footage.name
     with timed(timings, "solve"), progress.stage("Solving for the camera", None):
         calibration = solved(seen, lens, options, orientation)
-    return Run(calibration, name, seen.image_bgr, timings)
+    return Run(calibration, name, seen.image_bgr, seen.people_bgr, timings)
 
 
 def run_detections(
@@ -89,8 +89,9 @@ def run_detections(
     """
     timings: dict[str, float] = {}
     orientation, lens = told_orientation(options), told_lens(options, detections.image_size)
-    seen = Seen(detections, len(np.unique(detections.frame)), None, image_bgr, list(notes))
+    seen = Seen(detections, len(np.unique(detections.frame)), image_bgr=image_bgr)
+    seen.notes.extend(notes)
     drop_stationary(seen)
     with timed(timings, "solve"), progress.stage("Solving for the camera", None):
         calibration = solved(seen, lens, options, orientation)
-    return Run(calibration, source_name, image_bgr, timings)
+    return Run(calibration, source_name, image_bgr, timings=timings)

@@ -45,11 +45,12 @@ class Options:
 
 @dataclass
 class Run:
-    """A calibration with what its report shows: a picture, times by stage, what was noticed."""
+    """A calibration with what its report shows: the scene, a frame with people, times by stage."""
 
     calibration: Calibration
     source_name: str
     image_bgr: np.ndarray | None = None
+    people_bgr: np.ndarray | None = None
     timings: dict[str, float] = field(default_factory=dict)
 
 
@@ -61,4 +62,5 @@ class Seen:
     frames: int
     edges: np.ndarray | None = None
     image_bgr: np.ndarray | None = None
+    people_bgr: np.ndarray | None = None
     notes: list[str] = field(default_factory=list)

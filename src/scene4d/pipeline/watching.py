@@ -50,7 +50,7 @@ def annotated(options: Options, image_size: tuple[int, int], fps: float | None) 
         detections = read_annotations(
             options.annotations, image_size=image_size, fps=fps, drop_invalid=options.drop_invalid
         )
-    notes = [f"{w.message}." for w in caught]
+    notes = [f"{str(w.message).rstrip('.?')}." for w in caught]
     return Seen(detections, len(np.unique(detections.frame)), notes=notes)
 
 
@@ -71,6 +71,7 @@ def watch(
     expected = _expected_frames(footage, options)
     background = Background(footage.image_size, expected)
     parts: list[Detections] = []
+    busiest: tuple[int, np.ndarray | None] = (0, None)
     count = 0
     with timed(timings, "decode and detect"), progress.stage("Watching people", expected) as step:
         for frame in _sampled(footage, options.frames):
@@ -78,6 +79,8 @@ def watch(
             background.add(frame)
             if people is not None:
                 parts.append(people.look(frame))
+                if len(parts[-1]) > busiest[0]:
+                    busiest = len(parts[-1]), frame.image_bgr.copy()
             count += 1
             step(1)
     if count == 0:
@@ -92,7 +95,7 @@ def watch(
         drop_stationary(seen)
     if verdict.reason is not None and count > 1:
         seen.notes.append(f"{verdict.reason[0].upper()}{verdict.reason[1:]}.")
-    seen.image_bgr = background.image()
+    seen.image_bgr, seen.people_bgr = background.image(), busiest[1]
     if options.lines and options.method == "joint" and seen.image_bgr is not None:
         with timed(timings, "edges"):
             hidden = None if background.is_median else seen.detections.box_xyxy

@@ -44,6 +44,7 @@ def _write_all(result: Run, folder: Path, command: str | None) -> None:
         folder,
         found,
         image_bgr=result.image_bgr,
+        people_bgr=result.people_bgr,
         ground_sigma_m=None
         if camera is None or not found
         else lambda uv: found.ground_sigma_m(camera.distort(uv)),

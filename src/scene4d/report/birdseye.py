@@ -184,7 +184,7 @@ def _footprints(
     if not tracked:
         return _dots(axes, xy, rows, style.INLIER, "o", "inlier") + handles
     colours = np.where(track[rows] < 0, style.FAINT, np.array(style.TRACKS)[track[rows] % 5])
-    label = "inlier, one colour per track"
+    label = "inlier, coloured by track"
     return _dots(axes, xy, rows, colours, "o", label) + handles
 
 

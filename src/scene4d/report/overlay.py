@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
+from scene4d.geometry import horizon_line
 from scene4d.model import Calibration, Camera, Segments
 from scene4d.report import style
 from scene4d.report.ground import (
@@ -181,8 +182,10 @@ def _horizon(axes: Axes, camera: Camera, covariance: Float[np.ndarray, "5 5"] | 
     if not in_frame(curve, camera.image_size).any():
         where = "above" if camera.tilt_rad > 0 else "below"
         where = where if abs(camera.tilt_rad) < np.radians(80) else "outside"
-        label = f"horizon: {where} the picture"
-        return [Line2D([], [], ls="", marker="^", ms=6, c=style.HORIZON, mec="k", label=label)]
+        far = _rows_away(camera)
+        label = f"horizon: {far}{where} the picture"
+        mark = {"above": "^", "below": "v"}.get(where, "o")
+        return [Line2D([], [], ls="", marker=mark, ms=6, c=style.HORIZON, mec="k", label=label)]
     if covariance is not None:
         upper, lower = horizon_band(camera, covariance, curve)
         whole = np.isfinite(upper).all(axis=1) & np.isfinite(lower).all(axis=1)
@@ -193,6 +196,17 @@ def _horizon(axes: Axes, camera: Camera, covariance: Float[np.ndarray, "5 5"] | 
     effects = style.halo(9.0 if band else 2.6, style.HORIZON if band else "#14181D")
     label = "horizon and its 95 % band" if band else "horizon"
     return [Line2D([], [], color="#0E9AA0", lw=1.6, path_effects=effects, label=label)]
+
+
+def _rows_away(camera: Camera) -> str:
+    """How far beyond the picture the horizon is at mid-width ("150 px "), or an empty text."""
+    a, b, c = horizon_line(camera.K, camera.R)
+    width, height = camera.image_size
+    if not abs(b) > 1e-3:
+        return ""
+    v = -(a * (width - 1) / 2 + c) / b
+    away = -v if v < 0 else v - (height - 1)
+    return f"{away:.0f} px " if 0 < away < 5 * height else ""
 
 
 def _uprights(

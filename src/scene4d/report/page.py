@@ -34,6 +34,7 @@ def write_report(
     calibration: Calibration,
     *,
     image_bgr: np.ndarray | None = None,
+    people_bgr: np.ndarray | None = None,
     ground_sigma_m: Callable[[np.ndarray], np.ndarray] | None = None,
     source_name: str = "footage",
     command: str | None = None,
@@ -42,7 +43,8 @@ def write_report(
 ) -> Path:
     """Write ``figures/*.png`` and then ``report.html`` into ``out_dir``; returns the page's path.
 
-    ``image_bgr`` is one frame as decoded (h, w, 3) uint8, ``ground_sigma_m`` maps undistorted
+    ``image_bgr`` is the scene as decoded (h, w, 3) uint8, ``people_bgr`` a frame with people in it
+    for the first figure (else the scene serves), ``ground_sigma_m`` maps undistorted
     pixels (n, 2) to the predicted radial error (n,) in metres, NaN above the horizon; ``timings``
     are seconds by stage. All figures are drawn before the first file is written; figures of an
     earlier report that this one lacks are removed. Raises :class:`InputError` for a frame of
@@ -51,7 +53,8 @@ def write_report(
     from scene4d.report.style import checked_image
 
     image = checked_image(image_bgr, calibration.image_size)
-    pictures = _draw(calibration, image, ground_sigma_m)
+    people = image if people_bgr is None else checked_image(people_bgr, calibration.image_size)
+    pictures = _draw(calibration, image, people, ground_sigma_m)
     provenance = _provenance(calibration, source_name, command, version)
     page = _render(calibration, pictures, provenance, timings or {})
     folder = _folder(Path(out_dir))
@@ -83,6 +86,7 @@ def _remove(path: Path) -> None:
 def _draw(
     calibration: Calibration,
     image: np.ndarray | None,
+    people: np.ndarray | None,
     ground_sigma_m: Callable[[np.ndarray], np.ndarray] | None,
 ) -> dict[str, bytes]:
     from scene4d.report.birdseye import draw_birdseye
@@ -90,7 +94,7 @@ def _draw(
     from scene4d.report.histogram import draw_histogram
     from scene4d.report.overlay import draw_overlay
 
-    pictures = {"overlay": draw_overlay(calibration, image)}
+    pictures = {"overlay": draw_overlay(calibration, people)}
     if not calibration or calibration.camera is None:
         return pictures
     above = draw_birdseye(calibration, image)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 
 from scene4d.model import Calibration, Camera
 from scene4d.report.uncertainty import Z95, field_of_view, propagated
@@ -73,6 +74,17 @@ def rounded_m(metres: float) -> str:
     return f"{number(metres, places)}\u00a0m"
 
 
+def k1_sigma(camera: Camera, covariance: Float[np.ndarray, "5 5"]) -> float:
+    """Standard deviation of k1, from those of the focal length and of the corner's displacement.
+
+    With D the displacement, ``k1 = D (f / half diagonal)²``: see ``model.PARAMETERS``.
+    """
+    k1 = float(camera.distortion[0])
+    by_corner = float((2 * camera.K[0, 0] / np.hypot(*camera.image_size)) ** 2)
+    gradient = np.array([2 * k1, 0.0, 0.0, 0.0, by_corner])
+    return float(np.sqrt(gradient @ covariance @ gradient)) if covariance[4, 4] > 0 else 0.0
+
+
 def parameter_rows(calibration: Calibration) -> list[Row]:
     """The parameter table: value ± one standard deviation, and the 95 % interval."""
     camera = calibration.camera
@@ -90,7 +102,7 @@ def parameter_rows(calibration: Calibration) -> list[Row]:
     ]
     rows += _view_rows(camera, C)
     if np.any(camera.distortion):
-        sigma = None if C is None else float(np.sqrt(C[4, 4]))
+        sigma = None if C is None else k1_sigma(camera, C)
         meaning = "radial coefficient k₁; negative is barrel distortion"
         rows.append(_row("Distortion", float(camera.distortion[0]), sigma, "", meaning, 3))
         names = ("k2", "p1", "p2", "k3")

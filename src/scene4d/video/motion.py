@@ -122,7 +122,7 @@ class MotionMonitor:
         )
         return (
             f"the camera moves: {len(self._shifts_px)} of {self._checked} frames {how}{when}; "
-            "use a stretch of footage in which it stands still"
+            "use a stretch of footage in which it stands still, or pictures of one camera only"
         )
 
     def _shift(self, even: np.ndarray) -> float | None:

@@ -49,6 +49,10 @@ def _choose(path: Path, name: str | None) -> AnnotationFormat:
     raise InputError(f"no annotation format recognises this file; name the format, one of {known}")
 
 
+MOST_INVALID = 0.25
+"""Share of impossible boxes above which they are not left out but the file is refused."""
+
+
 def read_annotations(
     path: str | os.PathLike[str],
     *,
@@ -74,12 +78,18 @@ def read_annotations(
         rows = _choose(path, format).read(path, image_size)
         good, fault = first_fault(rows)
         if fault is not None and not drop_invalid:
-            raise InputError(fault)
+            raise InputError(f"{fault} (--drop-invalid leaves such boxes out)")
+        bad = len(good) - int(good.sum())
+        if bad > MOST_INVALID * len(good):
+            raise InputError(
+                f"{bad} of {len(good)} boxes are impossible, so this is not the annotation of this "
+                f"footage; the first: {fault}"
+            )
     except InputError as error:
         raise prefixed(error, path) from error
     found = rows.detections
     if fault is not None:
-        count = f"{len(good) - int(good.sum())} of {len(good)}"
+        count = f"{bad} of {len(good)}"
         warnings.warn(f"{path}: left out {count} boxes; the first: {fault}", stacklevel=2)
         found = found.select(good)
     if fps is not None:
