@@ -62,7 +62,8 @@ def _heights(calibration: Calibration) -> str:
     return (
         f"Half of the sightings are taller than {median:.2f} m, and eight in ten lie between "
         f"{q10:.2f} and {q90:.2f} m; {calibration.person_height_m:.2f} m was assumed. One hump "
-        "about the assumed mean is right; two humps or a long tail are not."
+        "about the assumed mean is right, with spikes of people who stayed long; a second hump far "
+        "below it is children or seated people."
     )
 
 
