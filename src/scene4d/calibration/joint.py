@@ -82,9 +82,9 @@ def solve(problem: Problem, *, seed: int = 0) -> State | None:
         state = _with_azimuth(small, state)
     middle = _thinned(problem, NOISE_PEOPLE, seed)
     if middle is not small:
-        state = _with_noise(small, state, 1)
+        state = _with_noise(small, state, NOISE_ROUNDS - 1)
         state = replace(state, delta_m=np.zeros(middle.n_heights))
-    state = _with_noise(middle, state, NOISE_ROUNDS if middle is small else NOISE_ROUNDS - 2)
+    state = _with_noise(middle, state, NOISE_ROUNDS if middle is small else 1)
     if middle is not problem:
         state = replace(state, delta_m=np.zeros(problem.n_heights))
     return minimise(problem, state, steps=20, tolerance=1e-4)
