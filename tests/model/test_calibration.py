@@ -114,10 +114,6 @@ def test_reason_is_written_only_where_there_is_one():
     assert "reason" not in calibration().to_dict()
 
 
-def test_extra_facts_are_written_too():
-    assert calibration(extra={"seed": 3}).to_dict()["seed"] == 3
-
-
 def test_what_is_written_is_json_and_loads_as_the_camera(tmp_path):
     path = tmp_path / "camera.json"
     found = calibration()

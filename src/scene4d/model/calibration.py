@@ -1,6 +1,6 @@
 """The result of a calibration: a camera with its uncertainty, or the reason why there is none."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -46,7 +46,6 @@ class Calibration:
     residual: Float[np.ndarray, "n"] | None = None
     ground_error_m: dict[str, float] | None = None
     frames: int = 0
-    extra: dict[str, Any] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         return self.status == "ok"
@@ -189,7 +188,7 @@ class Calibration:
         }
         if self.reason is not None:
             values["reason"] = self.reason
-        return values | self.extra
+        return values
 
 
 def _rigid_motions(xy: np.ndarray) -> np.ndarray:
