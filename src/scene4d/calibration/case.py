@@ -7,7 +7,23 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from scene4d.calibration.frame import ImageFrame
+from scene4d.errors import InputError
 from scene4d.model import Calibration, Lens, Orientation, Segments
+
+METHODS = ("joint", "paper")
+
+
+def check_asked(method: str, person_height_m: float, *, has_orientation: bool) -> None:
+    """Refuse what no footage could answer; raises :class:`InputError` naming the argument."""
+    if method not in METHODS:
+        raise InputError(f"method must be one of {METHODS}, found {method!r}")
+    if not 0.5 <= person_height_m <= 2.5:
+        raise InputError(f"person_height_m must lie in 0.5 to 2.5 metres, found {person_height_m}")
+    if method == "paper" and not has_orientation:
+        raise InputError(
+            "the paper's method needs the camera's orientation (focal length, tilt, roll): "
+            "give --orientation FILE, or use --method joint"
+        )
 
 
 @dataclass(frozen=True, eq=False)

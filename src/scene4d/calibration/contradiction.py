@@ -9,7 +9,7 @@ from scene4d.calibration.case import Case
 from scene4d.calibration.joint import solve
 from scene4d.calibration.prior import default_prior
 from scene4d.calibration.refine import Problem
-from scene4d.calibration.uncertainty import covariance, systematic_covariance
+from scene4d.calibration.uncertainty import covariance
 
 SIGMAS = 4.0
 """Farther apart than this many standard deviations, one of the two must be wrong."""
@@ -41,9 +41,7 @@ def contradictions(case: Case, problem: Problem) -> list[str]:
     state = solve(alone, seed=asked.seed)
     if state is None:
         return said
-    spread = covariance(alone, state)
-    if asked.systematics:
-        spread = spread + systematic_covariance(alone, state)
+    spread = covariance(alone, state, systematics=asked.systematics)
     for i in told:
         found, given = state.parameters[i], problem.prior.mean[i]
         sigma = float(np.sqrt(spread[i, i]))

@@ -64,9 +64,8 @@ class ImageFrame:
             distortion[0] = parameters[CORNER] * np.exp(2 * parameters[FOCAL])
         else:
             K[0, 1] = self.lens.K[0, 1] * focal / self.lens.K[0, 0]
-            # The lens bends by position on the sensor: rescale its coefficients to this focal.
-            stretch = focal / self.lens.K[0, 0]
-            distortion = self.lens.distortion * stretch ** np.array([2, 4, 1, 1, 6])
+            stretch = float(focal / self.lens.K[0, 0])
+            distortion = geometry.refocused(self.lens.distortion, stretch)
         R = geometry.rotation_from_tilt_roll(parameters[TILT], parameters[ROLL])
         t = -R @ np.array([0.0, 0.0, np.exp(parameters[HEIGHT])])
         return Camera(self.image_size, K, distortion, R, t)

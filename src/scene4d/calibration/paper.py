@@ -28,18 +28,14 @@ _STEP = 1e-4
 
 
 def paper_calibration(case: Case) -> Calibration:
-    """The paper's method on a case; raises :class:`InputError` where no orientation is given.
+    """The paper's method on a case with an orientation; raises where that has unknown parts.
 
     The covariance holds the spread of the orientation, what it does to the height, and the spread
     of the people.
     """
     asked, frame, usable = case.asked, case.frame, case.usable
     orientation = asked.orientation
-    if orientation is None:
-        raise InputError(
-            "the paper's method needs the camera's orientation (focal length, tilt, roll): "
-            "give --orientation FILE, or use --method joint"
-        )
+    assert orientation is not None  # check_asked
     if asked.fixed_focal_px is not None:
         orientation = replace(orientation, focal_px=asked.fixed_focal_px, focal_sigma_px=0.0)
     told = _told_sigmas(orientation)

@@ -5,7 +5,7 @@ from jaxtyping import Float, Int
 
 from scene4d.calibration import verdict
 from scene4d.calibration.body import FOCAL, HEIGHT, Points
-from scene4d.calibration.case import Assumptions, Case, ground_error
+from scene4d.calibration.case import Assumptions, Case, check_asked, ground_error
 from scene4d.calibration.contradiction import contradictions
 from scene4d.calibration.frame import ImageFrame
 from scene4d.calibration.joint import position_weights, solve
@@ -13,11 +13,10 @@ from scene4d.calibration.lines import Lines
 from scene4d.calibration.paper import CONSENSUS, paper_calibration
 from scene4d.calibration.prior import Prior, default_prior
 from scene4d.calibration.refine import Problem, State, linearise, spreads
-from scene4d.calibration.uncertainty import covariance, systematic_covariance
+from scene4d.calibration.uncertainty import covariance
 from scene4d.errors import InputError
 from scene4d.model import Calibration, Lens, Orientation, Segments
 
-METHODS = ("joint", "paper")
 TRACK_CORRELATION = 0.12
 """Of one person's errors across the body in different places (gait, posture); PETS has 0.11
 (benchmarks/keypoint_bias.py)."""
@@ -96,10 +95,7 @@ def solve_segments(
     ``consensus`` (``"exact"`` or ``"ransac"``) is that of the paper's method, ``seed`` that of all
     sampling. Raises :class:`InputError` for values that make no sense.
     """
-    if method not in METHODS:
-        raise InputError(f"method must be one of {METHODS}, found {method!r}")
-    if not 0.5 <= person_height_m <= 2.5:
-        raise InputError(f"person_height_m must lie in 0.5 to 2.5 metres, found {person_height_m}")
+    check_asked(method, person_height_m, has_orientation=orientation is not None)
     if not 0 <= population_sigma_m < person_height_m:
         raise InputError(f"population_sigma_m must be 0 or more, found {population_sigma_m}")
     if consensus not in CONSENSUS:
@@ -188,10 +184,8 @@ def _lines(frame: ImageFrame, xyxy: np.ndarray) -> Lines:
 
 def _judged(case: Case, problem: Problem, state: State) -> Calibration:
     """The calibration of a solved problem, or its refusal."""
-    cov = covariance(problem, state)
-    if case.asked.systematics:
-        measured = case.frame.lens is not None
-        cov = cov + systematic_covariance(problem, state, measured_lens=measured)
+    measured = case.frame.lens is not None
+    cov = covariance(problem, state, systematics=case.asked.systematics, measured_lens=measured)
     cov[HEIGHT, HEIGHT] += (case.asked.population_sigma_m / problem.person_height_m) ** 2
     lin = linearise(problem, state)
     inlier = case.over_all(lin.inlier > 0.5, False)

@@ -20,20 +20,29 @@ OUTLIER_LEAK = 0.03
 little pass for people. Read off synthetic scenes with 10 to 40 % of them (tests/calibration)."""
 
 
-def covariance(problem: Problem, state: State) -> Float[np.ndarray, "5 5"]:
+def covariance(
+    problem: Problem, state: State, *, systematics: bool = False, measured_lens: bool = False
+) -> Float[np.ndarray, "5 5"]:
     """Posterior covariance of the camera with the heights (and the azimuth) marginalised.
 
     The inverse of the Gauss-Newton matrix with heights eliminated, at the information that the
-    mixture of people and outliers leaves. Fixed parameters have zero rows.
+    mixture of people and outliers leaves; then what :func:`_shared` effects add. Fixed parameters
+    have zero rows. ``systematics`` counts those of real footage, with the principal point of a
+    ``measured_lens`` or of an unknown one.
     """
     inverse = _inverse_hessian(problem, state)
     leak = OUTLIER_LEAK * state.noise.short
-    unnoticed = (
+    effects = [
         Systematic("outliers taken for people: size", leak, _growing),
         Systematic("outliers taken for people: length", leak, _stretched),
-    )
-    moved = _consider(problem, state, inverse, unnoticed)
-    return inverse[:N_PARAMETERS, :N_PARAMETERS] + moved
+    ]
+    if systematics:
+        effects += [
+            replace(e, sigma=MEASURED_LENS_SIGMA) if measured_lens and e.of_lens else e
+            for e in SYSTEMATICS
+        ]
+    own = inverse[:N_PARAMETERS, :N_PARAMETERS]
+    return own + _shared(problem, state, inverse, effects)
 
 
 def _inverse_hessian(problem: Problem, state: State) -> np.ndarray:
@@ -71,30 +80,36 @@ def _shifted(axis: int) -> Callable[[Points, float], Points]:
 
 def _leaning(points: Points, amount: float) -> Points:
     """Everybody seen more upright than they are, by a fraction of their lean in the image."""
-    span = points.head - points.foot
+    span = points.seen
     turn = amount * np.arctan2(span[0], -span[1])
     turned = np.stack([span[0] - turn * -span[1], span[1] - turn * span[0]])
     return replace(points, head=points.foot + turned)
 
 
+def _longer(points: Points, fraction: float | np.ndarray) -> Points:
+    """Everybody seen longer by a fraction, of each its own where it is (n,)."""
+    return replace(points, head=points.foot + points.seen * (1 + fraction))
+
+
 def _stretched(points: Points, amount: float) -> Points:
-    """Everybody seen longer by a fraction."""
-    return replace(points, head=points.foot + (points.head - points.foot) * (1 + amount))
+    """Everybody seen longer by the same fraction."""
+    return _longer(points, amount)
 
 
 def _growing(points: Points, amount: float) -> Points:
     """Everybody seen longer by a fraction that grows with the logarithm of their length."""
-    span = points.head - points.foot
-    size = np.log(np.sqrt((span * span).sum(axis=0)))
-    amount_each = np.where(points.from_box, BOX_FACTOR * amount, amount)
-    return replace(points, head=points.foot + span * (1 + amount_each * (size - np.median(size))))
+    size = 0.5 * np.log(points.seen2)
+    return _longer(points, _by_kind(points, amount) * (size - np.median(size)))
 
 
 def _growing_aside(points: Points, amount: float) -> Points:
     """Everybody seen longer by a fraction that grows across the picture, in half diagonals."""
-    each = np.where(points.from_box, BOX_FACTOR * amount, amount)
-    span = points.head - points.foot
-    return replace(points, head=points.foot + span * (1 + each * points.foot[0]))
+    return _longer(points, _by_kind(points, amount) * points.foot[0])
+
+
+def _by_kind(points: Points, amount: float) -> np.ndarray:
+    """The amount for each of the people (n,): boxes are off by more."""
+    return np.where(points.from_box, BOX_FACTOR * amount, amount)
 
 
 BOX_FACTOR = 2.0
@@ -115,26 +130,16 @@ MEASURED_LENS_SIGMA = 0.005
 """Principal point of a measured lens, in half diagonals."""
 
 
-def systematic_covariance(
-    problem: Problem, state: State, *, measured_lens: bool = False
-) -> Float[np.ndarray, "5 5"]:
-    """What the shared effects add to the covariance (Schmidt's consider covariance).
+def _shared(
+    problem: Problem, state: State, inverse: np.ndarray, effects: list[Systematic]
+) -> np.ndarray:
+    """What shared effects add to the covariance (Schmidt's consider covariance).
 
     Each effect b moves the minimum by ``-A⁻¹ ∂g/∂b``; the gradient's change is taken by a
     difference quotient over the disturbed points.
     """
-    effects = tuple(
-        replace(effect, sigma=MEASURED_LENS_SIGMA) if measured_lens and effect.of_lens else effect
-        for effect in SYSTEMATICS
-    )
-    return _consider(problem, state, _inverse_hessian(problem, state), effects)
-
-
-def _consider(
-    problem: Problem, state: State, inverse: np.ndarray, effects: tuple[Systematic, ...]
-) -> np.ndarray:
     total = np.zeros((N_PARAMETERS, N_PARAMETERS))
-    here = _gradient(problem, state) if effects else np.zeros(0)
+    here = _gradient(problem, state)
     for effect in effects:
         disturbed = replace(problem, points=effect.disturb(problem.points, effect.sigma))
         shift = -(inverse @ (_gradient(disturbed, state) - here))[:N_PARAMETERS]

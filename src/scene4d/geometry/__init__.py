@@ -5,6 +5,7 @@ from scene4d.geometry.distortion import (
     NO_DISTORTION,
     distort,
     opencv_from_tsai,
+    refocused,
     undistort,
     undistort_tsai,
 )
@@ -40,6 +41,7 @@ __all__ = [
     "project",
     "projection_matrix",
     "quaternion_from_rotation",
+    "refocused",
     "rigid_fit",
     "rotation_from_euler_zyx",
     "rotation_from_quaternion",

@@ -131,6 +131,14 @@ def undistort(
     return _pixels(xy, K), valid
 
 
+def refocused(distortion: Float[np.ndarray, "5"], stretch: float) -> Float[np.ndarray, "5"]:
+    """Coefficients of the same lens when its focal length is given ``stretch`` times as long.
+
+    A lens bends by position on the sensor, and coefficients apply to position over focal length.
+    """
+    return distortion * stretch ** np.array([2, 4, 1, 1, 6])
+
+
 def undistort_tsai(
     uv: Float[np.ndarray, "n 2"],
     *,

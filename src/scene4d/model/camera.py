@@ -191,7 +191,7 @@ class Camera(Lens):
         stretch = np.exp(d_log_f)
         K = self.K.copy()
         K[:2, :2] *= stretch
-        distortion = self.distortion * stretch ** np.array([2, 4, 1, 1, 6])
+        distortion = geometry.refocused(self.distortion, float(stretch))
         distortion[0] += d_corner * (2 * K[0, 0] / np.hypot(*self.image_size)) ** 2
         tilt, roll = self.tilt_rad, self.roll_rad
         before = geometry.rotation_from_tilt_roll(tilt, roll)

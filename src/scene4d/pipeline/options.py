@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.calibration import METHODS
+from scene4d.calibration import check_asked
 from scene4d.errors import InputError
 from scene4d.model import Calibration, Detections, Orientation
 
@@ -28,19 +28,10 @@ class Options:
 
     def __post_init__(self) -> None:
         """Refuse before any work is done what cannot work; raises :class:`InputError`."""
-        if self.method not in METHODS:
-            raise InputError(f"method must be one of {METHODS}, found {self.method!r}")
-        if not 0.5 <= self.person_height_m <= 2.5:
-            raise InputError(
-                f"person_height_m must lie in 0.5 to 2.5 metres, found {self.person_height_m}"
-            )
+        told = self.orientation not in ("auto", "people")
+        check_asked(self.method, self.person_height_m, has_orientation=told)
         if self.frames is not None and self.frames < 1:
             raise InputError(f"frames must be at least 1, found {self.frames}")
-        if self.method == "paper" and self.orientation in ("auto", "people"):
-            raise InputError(
-                "the paper's method needs the camera's orientation (focal length, tilt, roll): "
-                "give --orientation FILE, or use --method joint"
-            )
 
 
 @dataclass

@@ -1,7 +1,6 @@
 """Looking at footage once: people, whether the camera moves, the scene's edges."""
 
 import warnings
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -15,7 +14,7 @@ from scene4d.pipeline.solving import solved
 
 if TYPE_CHECKING:
     from scene4d.perception.people import PeopleDetector
-    from scene4d.video.frames import Frame, Source
+    from scene4d.video.frames import Source
 
 ROUGH_FRAMES = 12
 """So many frames give a camera good enough to tell the detector how large people are where."""
@@ -65,16 +64,17 @@ def watch(
     from scene4d.perception.lines import straight_edges
     from scene4d.video.background import Background
     from scene4d.video.motion import MotionMonitor
+    from scene4d.video.sampling import expected_count, sample_frames
 
     people = None if options.annotations else _people_detector(footage, lens, options, progress)
     monitor = MotionMonitor(footage.image_size)
-    expected = _expected_frames(footage, options)
+    expected = expected_count(footage, options.frames)
     background = Background(footage.image_size, expected)
     parts: list[Detections] = []
     busiest: tuple[int, np.ndarray | None] = (0, None)
     count = 0
     with timed(timings, "decode and detect"), progress.stage("Watching people", expected) as step:
-        for frame in _sampled(footage, options.frames):
+        for frame in sample_frames(footage, options.frames):
             monitor.add(frame.image_bgr, frame.time_s)
             background.add(frame)
             if people is not None:
@@ -116,18 +116,6 @@ def drop_stationary(seen: Seen) -> None:
         )
 
 
-def _sampled(footage: "Source", n: int | None) -> "Iterator[Frame]":
-    from scene4d.video.sampling import sample_frames
-
-    return sample_frames(footage, n)
-
-
-def _expected_frames(footage: "Source", options: Options) -> int | None:
-    from scene4d.video.sampling import expected_count
-
-    return expected_count(footage, options.frames)
-
-
 def _people_detector(
     footage: "Source", lens: Lens | None, options: Options, progress: Progress
 ) -> "PeopleDetector":
@@ -135,17 +123,18 @@ def _people_detector(
     from scene4d.perception.detectors.tiles import choose_tiles
     from scene4d.perception.detectors.yolox import YoloxDetector
     from scene4d.perception.people import PeopleDetector, detect_people
+    from scene4d.video.sampling import expected_count, sample_frames
 
     fetch_weights(progress)
     people = PeopleDetector.default()
-    many = _expected_frames(footage, options) or 0
+    many = expected_count(footage, options.frames)
     if footage.timeline is None or many < 3 * ROUGH_FRAMES:
         return people
     if len(choose_tiles(footage.image_size)) == 0:
         return people
     with progress.stage("A first look", ROUGH_FRAMES) as step:
         rough = detect_people(
-            _sampled(footage, ROUGH_FRAMES),
+            sample_frames(footage, ROUGH_FRAMES),
             replace(people, tracker=None),
             progress=lambda done, found: step(1),
         )
