@@ -1,17 +1,43 @@
-"""How far a calibration is from the truth, by the paper's measures."""
+"""How far a calibration is from the truth, by the paper's measures and those it left out."""
 
 from scene4d.evaluate.correspondence import (
     CorrespondenceError,
     correspondence_error,
     spread_points,
 )
-from scene4d.evaluate.datasets import Reference, pets, towncentre
+from scene4d.evaluate.datasets import pets, towncentre
+from scene4d.evaluate.evaluation import (
+    PAPER_HEIGHTS_M,
+    PUBLISHED,
+    Evaluation,
+    Outcome,
+    Published,
+    Setting,
+    near_figures,
+)
+from scene4d.evaluate.near import NearPairs, near_pairs
+from scene4d.evaluate.probability import Reliability, Roc, brier_score, reliability, roc_curve
+from scene4d.evaluate.reference import Reference
 
 __all__ = [
+    "PAPER_HEIGHTS_M",
+    "PUBLISHED",
     "CorrespondenceError",
+    "Evaluation",
+    "NearPairs",
+    "Outcome",
+    "Published",
     "Reference",
+    "Reliability",
+    "Roc",
+    "Setting",
+    "brier_score",
     "correspondence_error",
+    "near_figures",
+    "near_pairs",
     "pets",
+    "reliability",
+    "roc_curve",
     "spread_points",
     "towncentre",
 ]

@@ -1,54 +1,29 @@
 """Recordings with a true camera, and where people walked in them (layout: see the README)."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.evaluate.correspondence import (
-    CorrespondenceError,
-    correspondence_error,
-    spread_points,
-)
+from scene4d.errors import InputError
+from scene4d.evaluate.reference import Reference
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
 from scene4d.model import Camera, Detections
 
 
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """A true camera with the annotated feet (n, 2), in pixels of the footage as decoded."""
-
-    name: str
-    camera: Camera
-    feet_uv: Float[np.ndarray, "n 2"]
-
-    def score(self, estimated: Camera, *, undistorted: bool = False) -> CorrespondenceError:
-        """Correspondence error of a calibration over points spread over where people walked.
-
-        ``undistorted`` says that the calibrated footage had been undistorted with the true lens.
-        """
-        straight, seen = self.camera.undistort(self.feet_uv)
-        true_xy, on_ground = self.camera.locate(straight)
-        inside = self.feet_uv[:, 1] <= self.camera.image_size[1] - 1
-        usable = np.flatnonzero(seen & on_ground & inside)
-        rows = usable[spread_points(true_xy[usable])]
-        uv = straight[rows] if undistorted else self.feet_uv[rows]
-        estimated_xy, _ = estimated.locate(estimated.undistort(uv)[0])
-        return correspondence_error(estimated_xy, true_xy[rows])
-
-
-def _feet(detections: Detections) -> np.ndarray:
+def feet_of(detections: Detections) -> Float[np.ndarray, "n 2"]:
+    """Bottom centres (n, 2) of boxes."""
     x1, _, x2, y2 = detections.box_xyxy.T
     return np.column_stack([(x1 + x2) / 2, y2])
 
 
 def _reference(name: str, camera_file: Path, annotations: Path) -> Reference:
     camera = read_camera(camera_file)
-    assert isinstance(camera, Camera)
+    if not isinstance(camera, Camera):
+        raise InputError(f"{camera_file}: holds a lens without a pose, and cannot be a reference")
     boxes = read_annotations(annotations, image_size=camera.image_size)
-    return Reference(name, camera, _feet(boxes))
+    return Reference(name, camera, feet_of(boxes))
 
 
 def pets(data: str | Path) -> Reference:

@@ -9,6 +9,7 @@ from scene4d.geometry.distortion import (
     undistort,
     undistort_tsai,
 )
+from scene4d.geometry.homography import apply_homography, pose_from_homography
 from scene4d.geometry.projection import (
     camera_centre,
     horizon_line,
@@ -31,6 +32,7 @@ from scene4d.geometry.vanishing import meeting_point, tilt_roll_from_vertical
 __all__ = [
     "NO_DISTORTION",
     "R_OVERHEAD",
+    "apply_homography",
     "camera_centre",
     "distort",
     "horizon_line",
@@ -38,6 +40,7 @@ __all__ = [
     "locate",
     "meeting_point",
     "opencv_from_tsai",
+    "pose_from_homography",
     "project",
     "projection_matrix",
     "quaternion_from_rotation",

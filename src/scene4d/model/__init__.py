@@ -3,6 +3,7 @@
 from scene4d.model.calibration import PARAMETERS, Calibration
 from scene4d.model.camera import SCHEMA, Camera, Lens
 from scene4d.model.files import read_json, write_bytes, write_json
+from scene4d.model.ground_map import GroundMap
 from scene4d.model.orientation import Orientation
 from scene4d.model.people import COCO17, HALPE26, Detections, Segments
 
@@ -14,6 +15,7 @@ __all__ = [
     "Calibration",
     "Camera",
     "Detections",
+    "GroundMap",
     "Lens",
     "Orientation",
     "Segments",

@@ -95,12 +95,11 @@ class Calibration:
         world of the camera (origin below it, heading along +Y). Invalid (NaN) at and above the
         horizon. Raises :class:`InputError` without a camera.
         """
-        covariance = np.zeros((5, 5)) if self.covariance is None else self.covariance
-        xy, jacobian, valid = self._ground_jacobian(uv)
+        xy, jacobian, valid = self.ground_jacobian(uv)
         if not from_camera and self.segments is not None:
-            at, moved, _ = self._ground_jacobian(self._some_feet_uv())
+            at, moved, _ = self.ground_jacobian(self._some_feet_uv())
             jacobian = jacobian - _common_motion(at, moved, xy)
-        return jacobian @ covariance @ np.swapaxes(jacobian, -1, -2), valid
+        return jacobian @ self.parameter_covariance @ np.swapaxes(jacobian, -1, -2), valid
 
     def walked_ground_sigma_m(
         self,
@@ -108,12 +107,13 @@ class Calibration:
         """Ground points (n, 2) of a sample of the feet, with both errors of
         :meth:`ground_sigma_m`: within the scene, and from the camera.
         """
-        covariance = np.zeros((5, 5)) if self.covariance is None else self.covariance
-        xy, jacobian, valid = self._ground_jacobian(self._some_feet_uv())
+        xy, jacobian, valid = self.ground_jacobian(self._some_feet_uv())
         xy, jacobian = xy[valid], jacobian[valid]
         within = jacobian - _common_motion(xy, jacobian, xy)
         sigma = [
-            np.sqrt(np.trace(j @ covariance @ np.swapaxes(j, -1, -2), axis1=1, axis2=2))
+            np.sqrt(
+                np.trace(j @ self.parameter_covariance @ np.swapaxes(j, -1, -2), axis1=1, axis2=2)
+            )
             for j in (within, jacobian)
         ]
         return xy, sigma[0], sigma[1]
@@ -125,8 +125,17 @@ class Calibration:
         feet = feet if self.inlier is None else feet[self.inlier]
         return feet[:: max(1, len(feet) // _FEET)]
 
-    def _ground_jacobian(self, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Ground points (n, 2), their derivatives by the parameters (n, 2, 5), and validity."""
+    @property
+    def parameter_covariance(self) -> Float[np.ndarray, "5 5"]:
+        """``covariance``, zero where it is not known."""
+        return np.zeros((5, 5)) if self.covariance is None else self.covariance
+
+    def ground_jacobian(
+        self, uv: Float[np.ndarray, "n 2"]
+    ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2 5"], Bool[np.ndarray, "n"]]:
+        """Ground points (n, 2) at pixels of the footage, their derivatives by :data:`PARAMETERS`,
+        and validity; NaN at and above the horizon. Raises :class:`InputError` without a camera.
+        """
         camera = self._camera()
         undistorted, valid = camera.undistort(uv)
         xy, on_ground = camera.locate(undistorted)

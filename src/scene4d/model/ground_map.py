@@ -1,0 +1,63 @@
+"""A reference that knows the ground plane alone: pixels to metres by a homography."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from scene4d import geometry
+from scene4d.errors import InputError
+from scene4d.model.camera import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class GroundMap:
+    """Pixels of the footage to ground metres by ``ground_from_uv`` (3, 3); no height, no lens.
+
+    Two things that a bare matrix leaves open are settled here. Its sign: the middle of the image's
+    lowest row sees ground, so what has the other sign lies above the horizon. Its handedness: a
+    map whose y axis runs down, as in plans, is mirrored (``mirrored`` says so), because the world
+    here is right-handed, seen from above, and no rigid motion could make up for it. Raises
+    :class:`InputError` where the matrix is not 3x3, finite and invertible.
+    """
+
+    image_size: tuple[int, int]
+    ground_from_uv: Float[np.ndarray, "3 3"]
+    mirrored: bool = False
+
+    def __post_init__(self) -> None:
+        H = np.array(self.ground_from_uv, float)
+        if H.shape != (3, 3) or not np.isfinite(H).all():
+            raise InputError(f"homography: expected 3x3 finite numbers, found {H.tolist()}")
+        H = H / max(float(np.linalg.norm(H)), 1e-300)
+        width, height = self.image_size
+        depth = float(H[2] @ ((width - 1) / 2, height - 1, 1))
+        # The determinant tells the handedness; against the size of the matrix it may be tiny.
+        sign, _ = np.linalg.slogdet(H)
+        if depth == 0 or sign == 0 or np.linalg.cond(H) > 1e15:
+            raise InputError(
+                "homography: the matrix maps the picture onto no plane (not invertible)"
+            )
+        H = H * np.sign(depth)
+        mirrored = bool(np.linalg.det(H) > 0)  # of K [r1 r2 t] it is -f² C_Z
+        if mirrored:
+            H[1] = -H[1]
+        H.flags.writeable = False
+        object.__setattr__(self, "ground_from_uv", H)
+        object.__setattr__(self, "mirrored", mirrored)
+
+    def locate(
+        self, uv: Float[np.ndarray, "n 2"]
+    ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+        """Pixels of the footage to ground ``(xy_m, valid)``."""
+        return geometry.apply_homography(self.ground_from_uv, uv)
+
+    def camera(self) -> Camera:
+        """The camera with square pixels, principal point in the middle and no distortion whose
+        ground this is; raises :class:`InputError` where there is none.
+        """
+        width, height = self.image_size
+        centre = np.array([(width - 1) / 2, (height - 1) / 2])
+        focal, R, t = geometry.pose_from_homography(np.linalg.inv(self.ground_from_uv), centre)
+        K = np.array([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1.0]])
+        return Camera(self.image_size, K, np.zeros(5), R, t)
