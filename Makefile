@@ -1,6 +1,7 @@
-# Two commands do all the set-up on a machine with python3 (venv, pip), make and apt:
+# Each of these does all the set-up on a machine with python3 (venv, pip), make and apt:
 #   make demo    calibrate the sample video and say where the report lies
 #   make test    lint, types, layers and tests, as .ci/run does
+#   make bench   measure, and write docs/benchmarks.md (8 minutes)
 # Another Python: make test PYTHON=python3.12      Another place: make test VENV=/tmp/env
 
 PYTHON ?= python3
@@ -9,10 +10,11 @@ JOBS := 2
 
 BIN := $(VENV)/bin
 PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
-# A stamp stands only while the environment is whole: every rule below takes both away before pip
-# starts and puts its own back at its end. Another version of Python finds no stamp and starts anew.
+# A stamp stands only while the environment is whole: every rule below takes all away before pip
+# starts and puts them back at its end. Another version of Python finds no stamp and starts anew.
 RUNTIME := $(VENV)/.runtime-$(PYTHON_VERSION)
 DEV := $(VENV)/.dev-$(PYTHON_VERSION)
+BENCH := $(VENV)/.bench-$(PYTHON_VERSION)
 
 # Exact versions everywhere, in the isolated build too (newer pips read only the second variable
 # there). No byte code: it is an eighth of the room, and Python writes what is used. Both hold for
@@ -22,11 +24,11 @@ PIP := PIP_NO_INPUT=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignor
 	$(BIN)/python -m pip --quiet
 INSTALL := $(CONSTRAINED) $(PIP) install --no-compile
 
-.PHONY: help demo test lint types layers pytest format install-size clean
+.PHONY: help demo test lint types layers pytest format bench install-size clean
 .DELETE_ON_ERROR:
 
 help:
-	@sed -n 's/^# \{0,1\}//;1,4p' $(firstword $(MAKEFILE_LIST))
+	@sed -n 's/^# \{0,1\}//;1,5p' $(firstword $(MAKEFILE_LIST))
 
 demo: $(RUNTIME)
 	$(BIN)/scene4d demo
@@ -50,6 +52,9 @@ format: $(DEV)
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
+bench: $(BENCH)
+	$(BIN)/python -m benchmarks --write
+
 install-size:
 	$(PYTHON) benchmarks/install_size.py
 
@@ -71,8 +76,10 @@ $(RUNTIME): pyproject.toml constraints.txt
 	@$(INSTALL) --editable .
 	@touch $@
 
-$(DEV): $(RUNTIME)
-	@echo "adding the development tools to $(VENV)"
-	@rm -f $(RUNTIME) $(DEV)
-	@$(INSTALL) --group dev
-	@touch $(RUNTIME) $(DEV)
+# Order only: RUNTIME takes these stamps away when it makes the environment anew.
+$(DEV): GROUP := dev
+$(BENCH): GROUP := bench
+$(DEV) $(BENCH): | $(RUNTIME)
+	@echo "adding the tools of the group $(GROUP) to $(VENV)"
+	@stamps=$$(ls $(RUNTIME) $(DEV) $(BENCH) 2>/dev/null); rm -f $$stamps; \
+	$(INSTALL) --group $(GROUP) && touch $$stamps $@

@@ -352,4 +352,4 @@ def test_unreadable_and_unknown(tmp_path):
         read(tmp_path, "a.txt", GOOD, fps=0.0)
     assert len(read(tmp_path, "a.dat", GOOD, format="mot")) == 1
     names = [f.name for f in annotation_formats()]
-    assert len(set(names)) == len(names) == 6
+    assert len(set(names)) == len(names) == 7

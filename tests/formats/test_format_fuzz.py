@@ -34,6 +34,7 @@ ANNOTATIONS = {
     "pets": '<d><frame number="4"><objectlist><object id="9"><box h="40" w="20" xc="100" '
     'yc="200"/></object></objectlist></frame></d>',
     "kpf": "- {'geom': {'g0': '10 20 30 60', 'id1': 16, 'ts0': 1167}}\n",
+    "virat": "0 3 0 100 200 30 60 1\n1 900 0 800 500 120 70 2\n",
     "towncentre-top": "3,0,1,1,900,200,930,240,880,200,960,450.5\n",
     "coco": '{"images":[{"id":1,"file_name":"f_2.jpg"}],"categories":[{"id":1,"name":"person"}],'
     '"annotations":[{"image_id":1,"category_id":1,"bbox":[10,20,30,60],"keypoints":[]}]}',

@@ -15,7 +15,7 @@ from scene4d.calibration.prior import Prior, default_prior
 from scene4d.calibration.refine import Problem, State, linearise, spreads
 from scene4d.calibration.uncertainty import covariance
 from scene4d.errors import InputError
-from scene4d.model import Calibration, Lens, Orientation, Segments
+from scene4d.model import PERSON_HEIGHT_M, Calibration, Lens, Orientation, Segments
 
 TRACK_CORRELATION = 0.12
 """Of one person's errors across the body in different places (gait, posture); PETS has 0.11
@@ -27,7 +27,7 @@ def solve_camera(
     head_uv: Float[np.ndarray, "n 2"],
     *,
     image_size: tuple[int, int],
-    person_height_m: float = 1.70,
+    person_height_m: float = PERSON_HEIGHT_M,
     foot_height_m: float = 0.04,
     track: Int[np.ndarray, "n"] | None = None,
     prior: Orientation | None = None,
@@ -72,7 +72,7 @@ def solve_segments(
     segments: Segments,
     *,
     image_size: tuple[int, int],
-    person_height_m: float = 1.70,
+    person_height_m: float = PERSON_HEIGHT_M,
     foot_height_m: float = 0.04,
     orientation: Orientation | None = None,
     method: str = "joint",

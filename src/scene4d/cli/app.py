@@ -1,12 +1,13 @@
 """The program ``scene4d``: its commands, and what concerns all of them."""
 
-import inspect
 from typing import Annotated
 
 import typer
 
+from scene4d.cli.arguments import reflowed
 from scene4d.cli.calibrate import calibrate
 from scene4d.cli.demo import demo
+from scene4d.cli.evaluate import evaluate
 from scene4d.cli.export import export
 from scene4d.cli.models import models
 from scene4d.cli.output import emit
@@ -30,15 +31,6 @@ app = typer.Typer(
 )
 
 
-def reflowed(doc: str | None) -> str:
-    """A docstring whose paragraphs are one line each, so that they wrap at the terminal's width.
-
-    Lines that are indented, the examples, stay as they are.
-    """
-    paragraphs = inspect.cleandoc(doc or "").split("\n\n")
-    return "\n\n".join(p if p.startswith(" ") else " ".join(p.split()) for p in paragraphs)
-
-
 def _version(wanted: bool) -> bool:
     if wanted:
         from importlib.metadata import version
@@ -60,3 +52,4 @@ def scene4d(
 
 for _command in (calibrate, export, models, demo):
     app.command(help=reflowed(_command.__doc__))(_command)
+app.add_typer(evaluate)

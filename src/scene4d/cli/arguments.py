@@ -1,5 +1,6 @@
-"""Options that several commands share, and the words that options are read from."""
+"""Options that several commands share, the words they are read from, and how help is laid out."""
 
+import inspect
 import math
 import re
 from typing import Annotated
@@ -34,3 +35,12 @@ def parse_person_height(text: str) -> float:
             param_hint="--person-height",
         )
     return height_m
+
+
+def reflowed(doc: str | None) -> str:
+    """A docstring whose paragraphs are one line each, so that they wrap at the terminal's width.
+
+    Lines that are indented, the examples, stay as they are.
+    """
+    paragraphs = inspect.cleandoc(doc or "").split("\n\n")
+    return "\n\n".join(p if p.startswith(" ") else " ".join(p.split()) for p in paragraphs)

@@ -18,6 +18,7 @@ from scene4d.evaluate.evaluation import (
 from scene4d.evaluate.near import NearPairs, near_pairs
 from scene4d.evaluate.probability import Reliability, Roc, brier_score, reliability, roc_curve
 from scene4d.evaluate.reference import Reference
+from scene4d.evaluate.virat_clips import SameFrameReference, ViratScene, spread_frames, virat
 
 __all__ = [
     "PAPER_HEIGHTS_M",
@@ -30,7 +31,9 @@ __all__ = [
     "Reference",
     "Reliability",
     "Roc",
+    "SameFrameReference",
     "Setting",
+    "ViratScene",
     "brier_score",
     "correspondence_error",
     "near_figures",
@@ -38,6 +41,8 @@ __all__ = [
     "pets",
     "reliability",
     "roc_curve",
+    "spread_frames",
     "spread_points",
     "towncentre",
+    "virat",
 ]

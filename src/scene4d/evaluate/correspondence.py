@@ -26,6 +26,11 @@ class CorrespondenceError:
         return float(self.distance_m.mean())
 
     @property
+    def rms_m(self) -> float:
+        """Root mean square distance."""
+        return float(np.sqrt((self.distance_m**2).mean()))
+
+    @property
     def sd_m(self) -> float:
         """Standard deviation of the distance."""
         return float(self.distance_m.std())

@@ -2,20 +2,11 @@
 
 from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float
-
 from scene4d.errors import InputError
 from scene4d.evaluate.reference import Reference
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
-from scene4d.model import Camera, Detections
-
-
-def feet_of(detections: Detections) -> Float[np.ndarray, "n 2"]:
-    """Bottom centres (n, 2) of boxes."""
-    x1, _, x2, y2 = detections.box_xyxy.T
-    return np.column_stack([(x1 + x2) / 2, y2])
+from scene4d.model import Camera
 
 
 def _reference(name: str, camera_file: Path, annotations: Path) -> Reference:
@@ -23,7 +14,7 @@ def _reference(name: str, camera_file: Path, annotations: Path) -> Reference:
     if not isinstance(camera, Camera):
         raise InputError(f"{camera_file}: holds a lens without a pose, and cannot be a reference")
     boxes = read_annotations(annotations, image_size=camera.image_size)
-    return Reference(name, camera, feet_of(boxes))
+    return Reference(name, camera, boxes.box_foot_uv)
 
 
 def pets(data: str | Path) -> Reference:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from scene4d.errors import InputError
 from scene4d.evaluate.correspondence import CorrespondenceError
 from scene4d.evaluate.near import NearPairs
 from scene4d.evaluate.probability import brier_score, reliability, roc_curve
@@ -39,25 +40,47 @@ class Setting:
     """One line of the table: what was looked at, how, and what was told beforehand.
 
     ``circular`` inputs were generated from the true calibration: whatever fits them proves nothing,
-    so they are shown and left out of every claim.
+    so they are shown and left out of every claim. ``headline`` marks, before anything is measured,
+    the lines that figures and summaries should show.
     """
 
     footage: str
     method: str
     given: str
     circular: bool = False
+    headline: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """A setting at one mean height of people. ``reason`` says why there is no result."""
+    """A setting at one mean height of people. ``reason`` says why there is no result.
+
+    ``predicted_m`` is the root-mean-square error that the calibration expects of itself at the
+    correspondence points (:meth:`.Reference.predicted_m`); it is conditional on what was told.
+    """
 
     setting: Setting
     person_height_m: float
     calibration: Calibration | None = None
     reason: str | None = None
     error: CorrespondenceError | None = None
+    predicted_m: float | None = None
     near: NearPairs | None = None
+
+    @classmethod
+    def scored(cls, setting: Setting, found: Calibration, reference: Reference) -> "Outcome":
+        """The calibration against the reference; a refusal, or a camera that has a correspondence
+        point above its horizon, is an outcome with its reason.
+        """
+        height = found.person_height_m
+        if not found or found.camera is None:
+            return cls(setting, height, found, found.reason)
+        try:
+            error = reference.score(found.camera)
+        except InputError as failure:
+            return cls(setting, height, found, str(failure))
+        predicted, near = reference.predicted_m(found), reference.near(found)
+        return cls(setting, height, found, None, error, predicted, near)
 
     def to_dict(self) -> dict[str, Any]:
         """One row of ``evaluation.json``; angles in degrees, as in ``camera.json``."""
@@ -82,10 +105,14 @@ class Outcome:
                 "sigma": found.sigma,
                 "people": found.people,
                 "inliers": found.inliers,
-                "predicted_ground_error_m": found.ground_error_m,
             }
         if self.error is not None:
-            row["correspondence_error_m"] = {"mean": self.error.mean_m, "sd": self.error.sd_m}
+            row["correspondence_error_m"] = {
+                "mean": self.error.mean_m,
+                "sd": self.error.sd_m,
+                "rms": self.error.rms_m,
+                "predicted_rms": self.predicted_m,
+            }
         if self.near is not None:
             row["near"] = near_figures(self.near)
         return row
@@ -95,9 +122,14 @@ def near_figures(pairs: NearPairs) -> dict[str, Any]:
     """AUC of P(near), and Brier score and calibration error of three readings of it.
 
     ``paper`` takes distances as exact, ``expected`` is E[P(near)] under the position covariance,
-    ``below_tau`` the probability that the true distance is below τ.
+    ``below_tau`` the probability that the true distance is below τ. Only the last states what is
+    scored here: with a softness σ > 0 the other two hedge even when every distance is exact. AUC
+    sees the order alone: a map at a wrong scale keeps it. All pairs share one camera's few errors,
+    so calibration and Brier score of one recording are a single draw, however many pairs there are.
+    AUC is None where all pairs are near, or none.
     """
     true = pairs.positive
+    both = bool(true.any() and not true.all())
     readings = {
         "paper": pairs.as_paper(),
         "expected": pairs.expected(),
@@ -108,8 +140,8 @@ def near_figures(pairs: NearPairs) -> dict[str, Any]:
         "near": int(true.sum()),
         "tau_m": pairs.tau_m,
         # Ranked by distance itself: far pairs, whose P(near) underflows, stay in order.
-        "auc": roc_curve(-pairs.estimated_m, true).auc,
-        "auc_expected": roc_curve(readings["expected"], true).auc,
+        "auc": roc_curve(-pairs.estimated_m, true).auc if both else None,
+        "auc_expected": roc_curve(readings["expected"], true).auc if both else None,
         "brier": {name: brier_score(p, true) for name, p in readings.items()},
         "calibration_error": {
             name: reliability(p, true).expected_error for name, p in readings.items()

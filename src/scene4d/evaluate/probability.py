@@ -38,7 +38,9 @@ def roc_curve(score: Float[np.ndarray, "n"], positive: Bool[np.ndarray, "n"]) ->
             f"roc: {n_positive} of {len(positive)} are positive; it needs both classes"
         )
     order = np.argsort(-score, kind="stable")
-    last_of_ties = np.append(np.diff(score[order]) != 0, True)
+    ranked = score[order]
+    # Compared, not subtracted: infinite scores tie as well.
+    last_of_ties = np.append(ranked[1:] != ranked[:-1], True)
     true = np.cumsum(positive[order])[last_of_ties]
     false = np.arange(1, len(score) + 1)[last_of_ties] - true
     n_negative = len(positive) - n_positive
@@ -74,10 +76,13 @@ def reliability(
 ) -> Reliability:
     """The reliability diagram (Murphy & Winkler 1977) over equal bins of [0, 1].
 
-    Raises :class:`InputError` for NaN, for values outside [0, 1], and where nothing is given.
+    A bin holds its lower edge, the last one 1 as well. Raises :class:`InputError` for NaN, for
+    values outside [0, 1], where nothing is given, and for fewer than one bin.
     """
     _check(probability, positive)
     _check_unit(probability)
+    if bins < 1:
+        raise InputError(f"reliability: at least one bin is needed, found {bins}")
     index = np.minimum((probability * bins).astype(int), bins - 1)
     count = np.bincount(index, minlength=bins)
     held = count > 0

@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
+from scene4d.errors import InputError
 from scene4d.evaluate.correspondence import (
     POINTS,
     CorrespondenceError,
@@ -16,7 +17,7 @@ from scene4d.evaluate.near import NearPairs, near_pairs
 from scene4d.model import Calibration, Camera, GroundMap
 
 MAX_PEOPLE = 2000
-"""So many of the annotated feet enter P(near), evenly over the clip: more say the same again."""
+"""At most so many annotated feet enter P(near), evenly over the clip: more say the same again."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,13 +26,14 @@ class Reference:
 
     ``feet_uv`` is in pixels of the footage as decoded. ``vehicle_uv`` (m, 2) holds the ground
     points of annotated vehicles, where there are any; else the correspondence points stand in for
-    them, as in the paper.
+    them, as in the paper. ``n_points`` is the number of correspondence points.
     """
 
     name: str
     truth: Camera | GroundMap
     feet_uv: Float[np.ndarray, "n 2"]
     vehicle_uv: Float[np.ndarray, "m 2"] | None = None
+    n_points: int = POINTS
 
     @property
     def image_size(self) -> tuple[int, int]:
@@ -68,13 +70,13 @@ class Reference:
 
         Raises :class:`InputError` where there are fewer than that.
         """
-        return self.walked_uv[spread_points(self.locate(self.walked_uv)[0], POINTS)]
+        return self.walked_uv[spread_points(self.locate(self.walked_uv)[0], self.n_points)]
 
     def in_frame_of(
         self, uv: Float[np.ndarray, "n 2"], *, undistorted: bool
     ) -> Float[np.ndarray, "n 2"]:
         """Pixels of the footage as the calibrated one shows them: ``undistorted`` says that it had
-        been straightened with the true lens.
+        been straightened with the true lens. A map of the ground has no lens to do so.
         """
         if not undistorted or isinstance(self.truth, GroundMap):
             return uv
@@ -83,14 +85,30 @@ class Reference:
     def score(self, estimated: Camera, *, undistorted: bool = False) -> CorrespondenceError:
         """Correspondence error of a calibration; see :meth:`in_frame_of` for ``undistorted``.
 
-        Raises :class:`InputError` as :func:`.correspondence_error` and :attr:`points_uv`.
+        Raises :class:`InputError` as :func:`.correspondence_error` and :attr:`points_uv`, and
+        where the calibration is for images of another size.
         """
+        self._same_size(estimated.image_size)
         uv = self.in_frame_of(self.points_uv, undistorted=undistorted)
         estimated_xy, _ = estimated.locate(estimated.undistort(uv)[0])
         return correspondence_error(estimated_xy, self.locate(self.points_uv)[0])
 
+    def predicted_m(self, found: Calibration, *, undistorted: bool = False) -> float:
+        """Root-mean-square error that the calibration itself expects of :meth:`score`.
+
+        At the same points and after the same alignment, from its covariance alone. NaN where a
+        point has none.
+        """
+        uv = self.in_frame_of(self.points_uv, undistorted=undistorted)
+        covariance, _ = found.ground_covariance(uv, aligned_over_uv=uv)
+        return float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
+
     def near(self, found: Calibration, *, undistorted: bool = False) -> NearPairs:
-        """P(near) of people and vehicles by a calibration, beside their true distances."""
+        """P(near) of people and vehicles by a calibration, beside their true distances.
+
+        Raises :class:`InputError` where there is no camera, or one for images of another size.
+        """
+        self._same_size(found.image_size)
         people = self.walked_uv[:: max(1, -(-len(self.walked_uv) // MAX_PEOPLE))]
         places = self.points_uv if self.vehicle_uv is None else self.vehicle_uv
         places = places[self.locate(places)[1]]
@@ -101,3 +119,11 @@ class Reference:
             self.in_frame_of(places, undistorted=undistorted),
             np.hypot(apart[..., 0], apart[..., 1]),
         )
+
+    def _same_size(self, image_size: tuple[int, int]) -> None:
+        if image_size != self.image_size:
+            (w, h), (true_w, true_h) = image_size, self.image_size
+            raise InputError(
+                f"{self.name}: the calibration is for {w}x{h} images and the reference for "
+                f"{true_w}x{true_h}: calibrate footage of the reference's size"
+            )

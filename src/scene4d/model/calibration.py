@@ -1,5 +1,6 @@
 """The result of a calibration: a camera with its uncertainty, or the reason why there is none."""
 
+import os
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +9,7 @@ from jaxtyping import Bool, Float
 
 from scene4d.errors import InputError
 from scene4d.model.camera import SCHEMA, Camera
+from scene4d.model.files import read_json
 from scene4d.model.people import Segments
 
 PARAMETERS: tuple[str, ...] = (
@@ -85,19 +87,25 @@ class Calibration:
         }
 
     def ground_covariance(
-        self, uv: Float[np.ndarray, "n 2"], *, from_camera: bool = False
+        self,
+        uv: Float[np.ndarray, "n 2"],
+        *,
+        from_camera: bool = False,
+        aligned_over_uv: Float[np.ndarray, "m 2"] | None = None,
     ) -> tuple[Float[np.ndarray, "n 2 2"], Bool[np.ndarray, "n"]]:
         """Covariance (m²) of ground points seen at pixels ``uv`` of the footage, from the camera's.
 
         First-order propagation by central differences. What is common to the whole scene as a
         rigid motion is no error of the map, so it is removed, by least squares over where people
-        walked, as the paper's evaluation does; ``from_camera`` keeps it and gives the error in the
-        world of the camera (origin below it, heading along +Y). Invalid (NaN) at and above the
-        horizon. Raises :class:`InputError` without a camera.
+        walked (or over the pixels ``aligned_over_uv``), as the paper's evaluation does;
+        ``from_camera`` keeps it and gives the error in the world of the camera (origin below it,
+        heading along +Y). Invalid (NaN) at and above the horizon. Raises :class:`InputError`
+        without a camera.
         """
         xy, jacobian, valid = self.ground_jacobian(uv)
-        if not from_camera and self.segments is not None:
-            at, moved, _ = self.ground_jacobian(self._some_feet_uv())
+        if not from_camera:
+            over_uv = self._some_feet_uv() if aligned_over_uv is None else aligned_over_uv
+            at, moved, _ = self.ground_jacobian(over_uv)
             jacobian = jacobian - _common_motion(at, moved, xy)
         return jacobian @ self.parameter_covariance @ np.swapaxes(jacobian, -1, -2), valid
 
@@ -156,6 +164,7 @@ class Calibration:
                 ends.append(there)
             columns.append((ends[1] - ends[0]) / (2 * _STEP))
         jacobian = np.stack(columns, axis=-1)
+        xy[~valid] = np.nan
         jacobian[~valid] = np.nan
         return xy, jacobian, valid
 
@@ -173,6 +182,35 @@ class Calibration:
         if self.camera is None:
             raise InputError(f"there is no camera: {self.reason or 'calibration undetermined'}")
         return self.camera
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "Calibration":
+        """Read the ``camera.json`` of a calibration, without the people that it was made from.
+
+        Raises :class:`InputError` as :meth:`Camera.load`, for a covariance of another kind, and
+        for a camera that no calibration made (it has no ``person_height_m``).
+        """
+        camera = Camera.load(path)
+        values = read_json(path)
+        height = values.get("person_height_m")
+        if not isinstance(height, int | float):
+            raise InputError(
+                f'{path}: field "person_height_m" is missing: no calibration wrote this'
+            )
+        covariance = values.get("covariance")
+        if covariance is not None:
+            covariance = _covariance(covariance, path)
+        return cls(
+            status="ok",
+            method=str(values.get("method", "unknown")),
+            image_size=camera.image_size,
+            person_height_m=float(height),
+            camera=camera,
+            covariance=covariance,
+            warnings=tuple(values.get("warnings", ())),
+            ground_error_m=values.get("ground_error_m"),
+            frames=int(values.get("frames", 0)),
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The content of ``camera.json``."""
@@ -198,6 +236,18 @@ class Calibration:
         if self.reason is not None:
             values["reason"] = self.reason
         return values
+
+
+def _covariance(field: Any, path: str | os.PathLike[str]) -> np.ndarray:
+    n = len(PARAMETERS)
+    try:
+        matrix = np.array(field["matrix"], float)
+        known = tuple(field["parameters"]) == PARAMETERS
+    except (KeyError, TypeError, ValueError):
+        known, matrix = False, np.empty(0)
+    if not known or matrix.shape != (n, n) or not np.isfinite(matrix).all():
+        raise InputError(f'{path}: field "covariance" must hold {n}x{n} numbers of {PARAMETERS}')
+    return matrix
 
 
 def _rigid_motions(xy: np.ndarray) -> np.ndarray:

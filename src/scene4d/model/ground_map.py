@@ -1,6 +1,6 @@
 """A reference that knows the ground plane alone: pixels to metres by a homography."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -18,28 +18,31 @@ class GroundMap:
     lowest row sees ground, so what has the other sign lies above the horizon. Its handedness: a
     map whose y axis runs down, as in plans, is mirrored (``mirrored`` says so), because the world
     here is right-handed, seen from above, and no rigid motion could make up for it. Raises
-    :class:`InputError` where the matrix is not 3x3, finite and invertible.
+    :class:`InputError` where the matrix is not 3x3, finite and invertible. The ground's origin may
+    be far away (UTM).
     """
 
     image_size: tuple[int, int]
     ground_from_uv: Float[np.ndarray, "3 3"]
-    mirrored: bool = False
+    mirrored: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         H = np.array(self.ground_from_uv, float)
         if H.shape != (3, 3) or not np.isfinite(H).all():
             raise InputError(f"homography: expected 3x3 finite numbers, found {H.tolist()}")
-        H = H / max(float(np.linalg.norm(H)), 1e-300)
         width, height = self.image_size
-        depth = float(H[2] @ ((width - 1) / 2, height - 1, 1))
-        # The determinant tells the handedness; against the size of the matrix it may be tiny.
-        sign, _ = np.linalg.slogdet(H)
-        if depth == 0 or sign == 0 or np.linalg.cond(H) > 1e15:
+        middle = np.array([(width - 1) / 2, height - 1, 1.0])
+        depth = float(H[2] @ middle)
+        if abs(depth) <= 1e-12 * float(np.abs(H[2]) @ middle):
+            raise InputError("homography: the middle of the picture's lowest row sees no ground")
+        H = H / depth
+        # Metres per pixel there; H itself is near singular where the origin is far away.
+        step = H[:2, :2] - np.outer(H[:2] @ middle, H[2, :2])
+        if np.linalg.cond(step) > 1e8:
             raise InputError(
                 "homography: the matrix maps the picture onto no plane (not invertible)"
             )
-        H = H * np.sign(depth)
-        mirrored = bool(np.linalg.det(H) > 0)  # of K [r1 r2 t] it is -f² C_Z
+        mirrored = bool(np.linalg.det(step) > 0)  # v runs down in pixels, and y must not
         if mirrored:
             H[1] = -H[1]
         H.flags.writeable = False

@@ -22,6 +22,10 @@ COCO17: tuple[str, ...] = HALPE26[:17]
 """Names of the 17 COCO keypoints, in order."""
 
 
+PERSON_HEIGHT_M = 1.70
+"""Mean height of people, shoes included, where nothing else is said."""
+
+
 def _array_names(table: Any) -> list[str]:
     return [f.name for f in fields(table) if isinstance(getattr(table, f.name), np.ndarray)]
 
@@ -100,9 +104,25 @@ class Detections:
     def __len__(self) -> int:
         return len(self.frame)
 
+    @property
+    def box_foot_uv(self) -> Float[np.ndarray, "n 2"]:
+        """Bottom centres of the boxes: where they stand, as far as a box can tell."""
+        x1, _, x2, y2 = self.box_xyxy.T
+        return np.column_stack([(x1 + x2) / 2, y2])
+
     def select(self, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> "Detections":
         """The given rows, as a mask or as indices."""
         return replace(self, **{name: getattr(self, name)[rows] for name in _array_names(self)})
+
+    def without_keypoints(self) -> "Detections":
+        """The boxes alone."""
+        n = len(self)
+        return replace(
+            self,
+            keypoint_uv=np.empty((n, 0, 2)),
+            keypoint_score=np.empty((n, 0)),
+            keypoint_names=(),
+        )
 
     @classmethod
     def concatenate(cls, parts: Sequence["Detections"]) -> "Detections":

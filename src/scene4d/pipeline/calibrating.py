@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from scene4d.errors import InputError
-from scene4d.model import Calibration, Detections, Orientation
+from scene4d.model import PERSON_HEIGHT_M, Calibration, Detections, Orientation
 from scene4d.pipeline.options import Options, Run, Seen
 from scene4d.pipeline.progress import Progress, Silent, timed
 from scene4d.pipeline.solving import solved, told_lens, told_orientation
@@ -18,7 +18,7 @@ def calibrate(
     lens: str | Path | None = None,
     annotations: str | Path | None = None,
     image_size: tuple[int, int] | None = None,
-    person_height_m: float = 1.70,
+    person_height_m: float = PERSON_HEIGHT_M,
     method: str = "joint",
     orientation: str | Path | Orientation = "auto",
     estimate_focal: bool = False,

@@ -7,7 +7,7 @@ import numpy as np
 
 from scene4d.calibration import check_asked
 from scene4d.errors import InputError
-from scene4d.model import Calibration, Detections, Orientation
+from scene4d.model import PERSON_HEIGHT_M, Calibration, Detections, Orientation
 
 
 @dataclass(frozen=True)
@@ -17,7 +17,7 @@ class Options:
     lens: str | Path | None = None
     annotations: str | Path | None = None
     image_size: tuple[int, int] | None = None
-    person_height_m: float = 1.70
+    person_height_m: float = PERSON_HEIGHT_M
     method: str = "joint"
     orientation: str | Path | Orientation = "auto"
     estimate_focal: bool = False

@@ -29,13 +29,13 @@ def solved(
         systematics=True,
         seed=options.seed,
     )
+    said = [*seen.notes]
     missing = missing_keypoints(seen.detections)
     if missing:
-        seen.notes.append(
+        said.append(
             f"The annotations' keypoints lack {', '.join(missing)}; their boxes were used instead."
         )
-    said = (*seen.notes, *found.warnings)
-    return replace(found, frames=seen.frames, warnings=said)
+    return replace(found, frames=seen.frames, warnings=(*said, *found.warnings))
 
 
 def told_orientation(options: Options) -> Orientation | None:

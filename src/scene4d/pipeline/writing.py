@@ -1,34 +1,31 @@
 """The files of a calibration, all of them or none."""
 
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from scene4d.errors import OutputError
 from scene4d.model import Calibration, write_json
 from scene4d.pipeline.options import Run
 from scene4d.pipeline.progress import Progress, timed
+from scene4d.pipeline.staging import ensure_folder, staged
 
 
 def write(result: Run, out_dir: str | Path, *, command: str | None, progress: Progress) -> Path:
     """Write camera.json, people.parquet, figures and report.html; returns the report's path.
 
-    Raises :class:`OutputError` where the folder cannot be written. Everything is written beside
-    its target first, so an earlier result survives a full disk or Ctrl-C; ``camera.json`` comes
-    last, so a folder that has one is complete.
+    All of them or none (:func:`.staged`); ``camera.json`` comes last. Raises :class:`OutputError`
+    where the folder cannot be written.
     """
+    from scene4d.report import FIGURES
+
     out = ensure_folder(out_dir)
-    with timed(result.timings, "report"), progress.stage("Drawing the report", None):
-        try:
-            with tempfile.TemporaryDirectory(dir=out, prefix=".scene4d-") as staging:
-                try:
-                    _write_all(result, Path(staging), command)
-                except OutputError as error:
-                    raise OutputError(str(error).replace(staging, str(out))) from error
-                _move_into_place(Path(staging), out)
-        except OSError as error:
-            raise OutputError(f"{out}: cannot be written: {error.strerror}") from error
+    names = [*(f"figures/{figure}.png" for figure in FIGURES), "report.html", "people.parquet"]
+    with (
+        timed(result.timings, "report"),
+        progress.stage("Drawing the report", None),
+        staged(out, names, last="camera.json") as folder,
+    ):
+        _write_all(result, folder, command)
     return out / "report.html"
 
 
@@ -55,20 +52,6 @@ def _write_all(result: Run, folder: Path, command: str | None) -> None:
     )
     write_people(folder / "people.parquet", people_table(found))
     write_json(folder / "camera.json", found.to_dict())
-
-
-def _move_into_place(folder: Path, out: Path) -> None:
-    """The old result goes as the new one comes; between the two there is no camera.json."""
-    from scene4d.report import FIGURES
-
-    (out / "figures").mkdir(exist_ok=True)
-    (out / "camera.json").unlink(missing_ok=True)
-    for name in (*(f"figures/{figure}.png" for figure in FIGURES), "report.html", "people.parquet"):
-        if (folder / name).exists():
-            (folder / name).replace(out / name)
-        else:
-            (out / name).unlink(missing_ok=True)
-    (folder / "camera.json").replace(out / "camera.json")
 
 
 def people_table(found: Calibration) -> dict[str, np.ndarray]:
@@ -99,16 +82,3 @@ def people_table(found: Calibration) -> dict[str, np.ndarray]:
         "residual": np.full(n, np.nan) if found.residual is None else found.residual,
         "inlier": np.zeros(n, bool) if found.inlier is None else found.inlier,
     }
-
-
-def ensure_folder(path: str | Path) -> Path:
-    """Make the output folder and see that it can be written, before any work is done."""
-    folder = Path(path)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".scene4d-writes-here"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written: {error.strerror}") from error
-    return folder

@@ -13,13 +13,14 @@ NEAR_SIGMA_M = 1.0
 
 
 def near_probability(
-    distance_m: Float[np.ndarray, "*shape"],
+    distance_m: float | Float[np.ndarray, "*shape"],
     *,
     tau_m: float = NEAR_TAU_M,
     sigma_m: float = NEAR_SIGMA_M,
     distance_sigma_m: float | Float[np.ndarray, "*shape"] = 0.0,
 ) -> Float[np.ndarray, "*shape"]:
-    """P(near) of distances on the ground in metres, any shape; NaN where the distance is NaN.
+    """P(near) of distances on the ground in metres: an array of any shape, or a number for an
+    array without axes. NaN where the distance or its spread is NaN.
 
     With a known distance this is the paper's ``½ (1 - erf((d - τ) / (√2 σ)))``. Where the distance
     is Gaussian with standard deviation ``distance_sigma_m`` = s, its expectation has the same form:
@@ -29,12 +30,19 @@ def near_probability(
 
     ``sigma_m`` says how vague the word is, ``distance_sigma_m`` how uncertain the positions are;
     with ``sigma_m = 0`` the value is the probability that the true distance is below τ. Where both
-    are zero the step is 1 below τ, ½ at τ. Raises :class:`InputError` for negative spreads.
+    are zero the step is 1 below τ, ½ at τ. A distance may be infinite (P = 0). Raises
+    :class:`InputError` for a τ that is not finite and for spreads that are negative or infinite.
     """
-    if sigma_m < 0 or np.any(np.asarray(distance_sigma_m) < 0):
-        raise InputError("near: sigma_m and distance_sigma_m must not be negative")
+    if not np.isfinite(tau_m):
+        raise InputError(f"near: tau_m must be a distance in metres, found {tau_m}")
+    if not 0 <= sigma_m < np.inf:
+        raise InputError(f"near: sigma_m must be finite and not negative, found {sigma_m}")
+    bad = (np.asarray(distance_sigma_m) < 0) | np.isinf(distance_sigma_m)
+    if bad.any():
+        found = np.asarray(distance_sigma_m)[bad].flat[0]
+        raise InputError(f"near: distance_sigma_m must be finite and not negative, found {found}")
     spread = np.hypot(sigma_m, distance_sigma_m)
-    margin = tau_m - distance_m
-    with np.errstate(divide="ignore", invalid="ignore"):
-        z = np.where(margin == 0, 0.0, margin / spread)
-    return ndtr(z)
+    margin = tau_m - np.asarray(distance_m)
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        z = np.where((margin == 0) & (spread == 0), 0.0, margin / spread)
+    return np.asarray(ndtr(z))

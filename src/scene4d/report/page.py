@@ -113,17 +113,8 @@ def _render(
     provenance: list[tuple[str, str]],
     timings: Mapping[str, float],
 ) -> str:
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     from scene4d.report.captions import caption, words_for_picture
 
-    environment = Environment(
-        loader=PackageLoader("scene4d.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     figures = {
         name: Shown(
             name,
@@ -145,7 +136,21 @@ def _render(
         "person_height": f"{calibration.person_height_m:.2f}",
         "title": provenance[0][1],
     }
-    return environment.get_template("report.html.j2").render(values)
+    return rendered("report.html.j2", values)
+
+
+def rendered(template: str, values: Mapping[str, Any]) -> str:
+    """A page from its template; a value that the template wants and nobody gave is an error."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("scene4d.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(values)
 
 
 def _provenance(

@@ -104,24 +104,32 @@ def picture(
     return fig, axes, strip_in / 2
 
 
-def legend_below(fig: Figure, handles: Sequence[Any], middle_in: float) -> None:
+def legend_below(
+    fig: Figure,
+    handles: Sequence[Any],
+    middle_in: float,
+    *,
+    columns: int = 4,
+    size: float = NORMAL,
+) -> None:
     """A legend below the picture, where it hides nothing: as many columns as fit the width.
 
-    ``middle_in`` is the height of its middle above the figure's lower edge, in inches.
+    ``middle_in`` is the height of its middle above the figure's lower edge, in inches, ``columns``
+    the most there may be, ``size`` that of the letters in points.
     """
-    for columns in range(min(4, len(handles)), 0, -1):
+    for number in range(min(columns, len(handles)), 0, -1):
         legend = fig.legend(
             handles=list(handles),
             loc="center",
             bbox_to_anchor=(0.5, middle_in / float(fig.get_size_inches()[1])),
-            ncol=columns,
+            ncol=number,
             frameon=False,
-            fontsize=NORMAL,
+            fontsize=size,
             labelcolor=INK,
             handlelength=1.8,
             columnspacing=2.0,
         )
-        if columns == 1 or legend.get_window_extent().width < 0.98 * fig.bbox.width:
+        if number == 1 or legend.get_window_extent().width < 0.98 * fig.bbox.width:
             return
         legend.remove()
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from scene4d.errors import InputError
-from scene4d.formats.annotations import coco, kpf, mot, pets, towncentre
+from scene4d.formats.annotations import coco, kpf, mot, pets, towncentre, virat
 from scene4d.formats.annotations.boxes import first_fault
 from scene4d.formats.annotations.contract import AnnotationFormat
 from scene4d.formats.text import head_text, prefixed
@@ -22,6 +22,7 @@ FORMATS: tuple[AnnotationFormat, ...] = (
     kpf.FORMAT,
     towncentre.CSV,
     towncentre.TOP,
+    virat.FORMAT,
     mot.FORMAT,
 )
 

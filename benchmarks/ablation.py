@@ -1,0 +1,395 @@
+"""What each part of the method is worth: error with one thing changed at a time.
+
+    python benchmarks/ablation.py [--data DIR] [--write]
+
+DIR holds pets2009/, towncentre/ and meva/ (by default $SCENE4D_DATA or ../shared/data). With
+--write the tables replace what stands between the markers in docs/ablation.md.
+"""
+
+import argparse
+import contextlib
+import os
+import tarfile
+import tempfile
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+
+from scene4d.calibration import body, joint, person_segments, prior, refine, solve, solve_segments
+from scene4d.evaluate import Reference, correspondence_error, pets, spread_points, towncentre
+from scene4d.formats.annotations import read_annotations
+from scene4d.formats.cameras import read_camera
+from scene4d.model import Calibration, Camera, Detections, Lens, Segments
+from scene4d.pipeline import Options, Silent
+from scene4d.pipeline.options import Seen
+from scene4d.pipeline.solving import POPULATION_SIGMA_M
+from scene4d.pipeline.watching import watch
+from scene4d.video.frames import Frame, Source, Timeline
+from scene4d.video.reader import open_source
+
+ROOT = Path(__file__).parents[1]
+PAGE = ROOT / "docs" / "ablation.md"
+BEGIN, END = "<!-- ablation: begin -->", "<!-- ablation: end -->"
+MEVA_CAMERAS = ("G328", "G341", "G424", "G506")
+MEVA_CLIPS, MEVA_FPS, MEVA_STEP = 12, 30.0, 15
+THIRDS, THIRD_STEP = 3, 4
+COUNTS = (1, 2, 5, 20, 100)
+DRAWS = {1: 12, 2: 12, 5: 8, 20: 4, 100: 2}
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """People of one camera; ``score`` gives the rms error and the predicted one in metres."""
+
+    name: str
+    segments: Segments
+    image_size: tuple[int, int]
+    score: Callable[[Calibration], tuple[float, float | None]]
+    lens: Lens | None = None
+    edges: np.ndarray | None = None
+
+    def solve(self, **changed: object) -> Calibration:
+        told = {
+            "lens": self.lens,
+            "lines_xyxy": self.edges,
+            "population_sigma_m": POPULATION_SIGMA_M,
+            "systematics": True,
+        }
+        return solve_segments(self.segments, image_size=self.image_size, **(told | changed))
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One thing changed: arguments of the solver, constants of the model, or the people."""
+
+    name: str
+    arguments: dict[str, object] = field(default_factory=dict)
+    constants: tuple[tuple[object, str, object], ...] = ()
+    people: Callable[[Segments], Segments] = lambda segments: segments
+    concerns: Callable[[Case], bool] = lambda case: True
+
+    def solve(self, case: Case) -> Calibration | None:
+        if not self.concerns(case):
+            return None
+        with contextlib.ExitStack() as stack:
+            for place, name, value in self.constants:
+                stack.enter_context(mock.patch.object(place, name, value))
+            changed = replace(case, segments=self.people(case.segments))
+            return changed.solve(**self.arguments)
+
+
+def without_tracks(segments: Segments) -> Segments:
+    return replace(segments, track=np.full(len(segments), -1))
+
+
+def has_tracks(case: Case) -> bool:
+    return bool((case.segments.track >= 0).any())
+
+
+def has_boxes(case: Case) -> bool:
+    return bool(case.segments.from_box.any())
+
+
+VARIANTS = (
+    Variant("as shipped"),
+    Variant(
+        "no body model",
+        constants=((body, "BODY_RADIUS_M", 0.0), (body, "HEAD_RADIUS_M", 0.0)),
+        concerns=has_boxes,
+    ),
+    Variant(
+        "no tracks",
+        people=without_tracks,
+        concerns=has_tracks,
+    ),
+    Variant(
+        "one height for all",
+        constants=((refine, "_HEIGHT_RANGE", (1e-4, 1e-4)), (refine, "HEIGHT_SIGMA_M", 1e-4)),
+        concerns=has_tracks,
+    ),
+    Variant(
+        "every sighting counts",
+        constants=((joint, "NEW_POSITION", 0.0), (solve, "TRACK_CORRELATION", 0.0)),
+        concerns=has_tracks,
+    ),
+    Variant("no prior", constants=((prior, "_SIGMA", 100 * prior._SIGMA),)),
+    Variant(
+        "no edges",
+        {"lines_xyxy": None},
+        concerns=lambda case: case.edges is not None,
+    ),
+    Variant(
+        "no distortion",
+        {"estimate_distortion": False},
+        concerns=lambda case: case.lens is None,
+    ),
+    Variant(
+        "feet at Z = 0",
+        {"foot_height_m": 0.0},
+        concerns=lambda case: not has_boxes(case),
+    ),
+)
+
+
+# --- the cases -----------------------------------------------------------------------------------
+
+
+def seen_in(source: Source) -> Seen:
+    return watch(source, None, Options(frames=10**9), Silent(), {})
+
+
+def of_footage(name: str, seen: Seen, reference: Reference, lens: Lens | None = None) -> Case:
+    return Case(
+        name,
+        person_segments(seen.detections),
+        reference.image_size,
+        lambda found: (reference.score(found.camera).rms_m, reference.predicted_m(found)),
+        lens,
+        seen.edges,
+    )
+
+
+def of_boxes(name: str, detections: Detections, reference: Reference) -> Case:
+    return Case(
+        name,
+        person_segments(detections.without_keypoints()),
+        reference.image_size,
+        lambda found: (reference.score(found.camera).rms_m, reference.predicted_m(found)),
+        reference.camera.lens,
+    )
+
+
+def annotated(path: Path, reference: Reference) -> Detections:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return read_annotations(path, image_size=reference.image_size, drop_invalid=True)
+
+
+def meva(data: Path, scratch: Path) -> list[Case]:
+    """Boxes of labelled actors, lens given. The ground's height is not known: no scale."""
+    with tarfile.open(data / "annotations.tar.xz") as archive:
+        archive.extractall(scratch, filter="data")
+    cases = []
+    for name in MEVA_CAMERAS:
+        camera = read_camera(data / "cameras" / f"{name}.krtd")
+        assert isinstance(camera, Camera)
+        parts = []
+        for file in sorted(scratch.rglob(f"*{name}*.geom.yml"))[:MEVA_CLIPS]:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                part = read_annotations(
+                    file,
+                    image_size=camera.image_size,
+                    fps=MEVA_FPS,
+                    classes=["person"],
+                    drop_invalid=True,
+                )
+            part = part.select(part.frame % MEVA_STEP == 0)
+            parts.append(replace(part, track=part.track + 1_000_000 * len(parts)))
+        segments = person_segments(Detections.concatenate(parts))
+        feet = segments.foot_uv
+        cases.append(
+            Case(
+                f"MEVA {name}",
+                segments,
+                camera.image_size,
+                lambda found, true=camera, uv=feet: error_without_scale(found.camera, true, uv),
+                camera.lens,
+            )
+        )
+    return cases
+
+
+def error_without_scale(
+    found: Camera, true: Camera, feet_uv: np.ndarray
+) -> tuple[float, float | None]:
+    """Rms correspondence error (m) after alignment with scale (Umeyama 1991), at true scale."""
+    there, on_ground = true.locate(true.undistort(feet_uv)[0])
+    near = on_ground & (np.hypot(*(there - true.centre_m[:2]).T) < 100)
+    rows = np.flatnonzero(near)[spread_points(there[near])]
+    here = found.locate(found.undistort(feet_uv[rows])[0])[0]
+    centred = here - here.mean(axis=0)
+    target = there[rows] - there[rows].mean(axis=0)
+    U, S, Vt = np.linalg.svd(centred.T @ target)
+    S[-1] *= np.sign(np.linalg.det(U @ Vt))
+    scale = S.sum() / (centred**2).sum()
+    return correspondence_error(scale * here, there[rows]).rms_m, None
+
+
+# --- the tables ----------------------------------------------------------------------------------
+
+
+def cell(case: Case, found: Calibration | None) -> str:
+    if found is None:
+        return ""
+    if not found or found.camera is None:
+        return "refused"
+    error, predicted = case.score(found)
+    return f"{error:.2f}" if predicted is None else f"{error:.2f} ({predicted:.2f})"
+
+
+def parts(cases: list[Case]) -> str:
+    """A line per case, a column per variant; last, the geometric mean of the ratios to the first."""
+    found = [[variant.solve(case) for variant in VARIANTS] for case in cases]
+    rows = [["people", *(variant.name for variant in VARIANTS)], ["---"] * (len(VARIANTS) + 1)]
+    for case, results in zip(cases, found, strict=True):
+        rows.append([case.name, *(cell(case, result) for result in results)])
+    errors = np.array(
+        [
+            [case.score(result)[0] if result else np.nan for result in results]
+            for case, results in zip(cases, found, strict=True)
+        ]
+    )
+    ratio = np.exp(np.nanmean(np.log(errors / errors[:, :1]), axis=0))
+    rows.append(["**mean ratio to shipped**", *(f"**{x:.2f}**" for x in ratio)])
+    return markdown(rows)
+
+
+def points(cases: Iterable[tuple[str, Case, Case]]) -> str:
+    """Keypoints against boxes of the same people, the lens given to both."""
+    rows = [["people", "boxes", "keypoints"], ["---"] * 3]
+    for name, boxes, keypoints in cases:
+        rows.append([name, cell(boxes, boxes.solve()), cell(keypoints, keypoints.solve())])
+    return markdown(rows)
+
+
+class Subset(Source):
+    """Some frames of a video, with its clock, as if that were all there is."""
+
+    def __init__(self, video: Path, indices: np.ndarray) -> None:
+        self._video, self._indices = video, indices
+        with open_source(video) as whole:
+            assert whole.timeline is not None
+            self.name, self.image_size, self.fps = whole.name, whole.image_size, whole.fps
+            times = whole.timeline.time_s[indices]
+        self.timeline = Timeline(times - times[0], np.ones(len(indices), bool))
+
+    def frames(self, indices: Iterable[int] | None = None) -> Iterator[Frame]:
+        wanted = self._indices[self._wanted(indices)]
+        with open_source(self._video) as whole:
+            yield from whole.frames(wanted.tolist())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        return ()
+
+
+def frames(video: Path, reference: Reference, everything: Seen) -> str:
+    """Error by the number of frames: evenly spread, from random starts."""
+    rows = [
+        [
+            "frames",
+            "draws",
+            "refused",
+            "median error",
+            "worst",
+            "median predicted",
+            "error < 2 predicted",
+        ],
+        ["---"] * 7,
+    ]
+    rng = np.random.default_rng(0)
+    with open_source(video) as source:
+        total = source.frame_count
+    assert total is not None
+    for count in COUNTS:
+        found = []
+        for phase in rng.uniform(0, 1, DRAWS[count]):
+            chosen = ((np.arange(count) + phase) * total / count).astype(int)
+            case = of_footage("", seen_in(Subset(video, chosen)), reference)
+            found.append((case, case.solve()))
+        rows.append([str(count), str(DRAWS[count]), *spread_of(found)])
+    whole = of_footage("", everything, reference)
+    rows.append([f"all {total}", "1", *spread_of([(whole, whole.solve())])])
+    return markdown(rows)
+
+
+def spread_of(found: list[tuple[Case, Calibration]]) -> list[str]:
+    good = [case.score(result) for case, result in found if result]
+    refused = str(len(found) - len(good))
+    if not good:
+        return [refused, "", "", "", ""]
+    error, predicted = np.array(good, float).T
+    within = f"{np.mean(error < 2 * predicted):.0%}"
+    return [
+        refused,
+        *(f"{x:.2f} m" for x in (np.median(error), error.max(), np.median(predicted))),
+        within,
+    ]
+
+
+def markdown(rows: list[list[str]]) -> str:
+    return "\n".join("| " + " | ".join(cells) + " |" for cells in rows)
+
+
+def tables(data: Path, scratch: Path) -> str:
+    park, street = pets(data / "pets2009"), towncentre(data / "towncentre")
+    video = data / "pets2009" / "vtest.avi"
+    with open_source(video) as source:
+        default = watch(source, None, Options(), Silent(), {})
+    with open_source(video) as source:
+        everything = seen_in(source)
+    with open_source(data / "towncentre" / "frames") as source:
+        pair = seen_in(source)
+    boxes = [
+        of_boxes(f"{name} boxes, lens", annotated(path, reference), reference)
+        for name, path, reference in (
+            ("PETS Faster R-CNN", data / "pets2009" / "frcnn_det.txt", park),
+            ("PETS hand-drawn", data / "pets2009" / "PETS2009-S2L1.xml", park),
+            ("TownCentre tracker", data / "towncentre" / "tracker_boxes.txt", street),
+        )
+    ]
+    thirds = np.array_split(np.arange(THIRDS * (everything.frames // THIRDS)), THIRDS)
+    keypoints = [
+        of_footage("PETS video", default, park),
+        *(
+            of_footage(
+                f"PETS video, third {number}", seen_in(Subset(video, third[::THIRD_STEP])), park
+            )
+            for number, third in enumerate(thirds, start=1)
+        ),
+        of_footage("TownCentre, 2 frames", pair, street),
+    ]
+    same_people = [
+        (
+            name,
+            of_boxes("", seen.detections, reference),
+            of_footage("", replace(seen, edges=None), reference, reference.camera.lens),
+        )
+        for name, seen, reference in (
+            ("PETS video", default, park),
+            ("TownCentre, 2 frames", pair, street),
+        )
+    ]
+    return "\n\n".join(
+        [
+            "### One part at a time",
+            parts([*keypoints, *boxes, *meva(data / "meva", scratch)]),
+            "### Keypoints against boxes",
+            points(same_people),
+            "### Number of frames (PETS video)",
+            frames(video, park, everything),
+        ]
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    folder = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
+    parser.add_argument("--data", type=Path, default=Path(folder))
+    parser.add_argument("--write", action="store_true", help="put the tables into docs/ablation.md")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        text = tables(arguments.data, Path(scratch))
+    print(text)
+    if arguments.write:
+        before, rest = PAGE.read_text().split(BEGIN)
+        PAGE.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}")
+
+
+if __name__ == "__main__":
+    main()

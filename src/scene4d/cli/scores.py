@@ -1,0 +1,85 @@
+"""The short account of an evaluation."""
+
+from pathlib import Path
+
+from rich.table import Table
+
+from scene4d.cli.output import screen
+from scene4d.evaluate import Evaluation, Outcome, Setting, near_figures
+from scene4d.model import PERSON_HEIGHT_M
+
+CIRCULAR = "circular"
+
+
+def show_evaluation(found: Evaluation, out: Path | None) -> None:
+    """Errors by setting and mean height of people, beside the paper's, and what was left out."""
+    heights = sorted({outcome.person_height_m for outcome in found.outcomes})
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    table.add_column("Method and what it is told")
+    for heading in (*(f"{height:g} m" for height in heights), "Predicted", "AUC"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    footage = None
+    for setting in found.settings():
+        style = "dim" if setting.circular else None
+        if setting.footage != footage:
+            footage = setting.footage
+            name = f"{footage} ({CIRCULAR})" if setting.circular else footage
+            table.add_row(name, style=style or "bold")
+        table.add_row(*_row(setting, found.of(setting), heights), style=style)
+    _published(table, found, heights)
+    with screen() as console:
+        console.print(
+            f"{found.reference.name}: mean ± standard deviation of the correspondence error in "
+            f"metres over {len(found.reference.points_uv)} points, by the mean height of people. "
+            f"Predicted (root mean square, by the calibration itself) and AUC of P(near) at "
+            f"{PERSON_HEIGHT_M:g} m."
+        )
+        console.print()
+        console.print(table)
+        for note in (*_reasons(found), *found.notes):
+            console.print(f"\n{note}", style="dim")
+        if out is not None:
+            console.print(f"\nReport   {out / 'evaluation.html'}", soft_wrap=True)
+
+
+def _row(setting: Setting, outcomes: list[Outcome], heights: list[float]) -> list[str]:
+    by_height = {outcome.person_height_m: outcome for outcome in outcomes}
+    cells = [_error(by_height.get(height)) for height in heights]
+    middle = by_height.get(PERSON_HEIGHT_M, outcomes[0])
+    auc = "" if middle.near is None else _number(near_figures(middle.near)["auc"], 4)
+    predicted = _number(middle.predicted_m, 2)
+    return [f"  {setting.method}, told {setting.given}", *cells, predicted, auc]
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "" if value is None else f"{value:.{digits}f}"
+
+
+def _error(outcome: Outcome | None) -> str:
+    if outcome is None:
+        return ""
+    if outcome.error is None:
+        return "refused"
+    return f"{outcome.error.mean_m:.2f}±{outcome.error.sd_m:.2f}"
+
+
+def _published(table: Table, found: Evaluation, heights: list[float]) -> None:
+    p = found.published
+    if p is None:
+        return
+    text = f"{p.mean_m:.2f}±{p.sd_m:.2f}"
+    cells = [text if height == p.person_height_m else "" for height in heights]
+    table.add_row(f"published, {p.frames} frames", style="bold")
+    table.add_row("  paper, told by its network", *cells, "", f"{p.auc:.2f}", style="bold")
+
+
+def _reasons(found: Evaluation) -> list[str]:
+    """Every reason for which a line has no result, once."""
+    reasons: dict[str, list[str]] = {}
+    for outcome in found.outcomes:
+        if outcome.error is None and outcome.reason is not None:
+            name = f"{outcome.setting.footage}, {outcome.setting.method}"
+            named = reasons.setdefault(outcome.reason, [])
+            if name not in named:
+                named.append(name)
+    return [f"Refused ({'; '.join(names)}): {why}." for why, names in reasons.items()]

@@ -1,0 +1,83 @@
+"""VIRAT ground data set, release 2.0: ``CLIP.viratdata.objects.txt``.
+
+Eight columns of integers, separated by blanks: object id, duration of its track, current frame,
+left, top, width, height, type. What the README of the annotations says is certain: the columns,
+that the box counts from the frame's left top corner, that an id is unique within a file while one
+object may have several, that objects may be parked, and types 1 person, 2 car (passenger cars and
+trucks), 3 vehicle (construction vehicles and the like), 4 object (mostly carried), 5 bicycle
+(which may have an engine). It does not say where frames begin; readers of the release count from
+0, as here. Type 0 is not in it either, but in files: unknown.
+
+The files are recognised by name alone: eight numeric columns are MOTChallenge text too.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from scene4d.errors import InputError
+from scene4d.formats.annotations.boxes import Rows, numeric_table, whole
+from scene4d.formats.annotations.contract import AnnotationFormat
+from scene4d.formats.text import read_text
+from scene4d.model import Detections
+
+SUFFIX = ".viratdata.objects.txt"
+CLASSES = ("unknown", "person", "car", "vehicle", "object", "bicycle")
+"""By type, under the names of COCO and KPF where they have one."""
+_MARK, _COLUMNS = ".viratdata.", 8
+
+
+def _sniff(path: Path, head: str) -> bool:
+    # Its other files (events, mapping) are claimed too: as MOTChallenge they would make no sense.
+    return _MARK in path.name.lower()
+
+
+def _check_layout(path: Path, text: str) -> None:
+    name = path.name.lower()
+    if _MARK in name and not name.endswith(SUFFIX):
+        objects = path.name[: name.index(_MARK)] + SUFFIX
+        raise InputError(f"holds no boxes of objects; expected {objects}")
+    for number, line in enumerate(text.splitlines(), start=1):
+        row = line.partition("#")[0]
+        if not row.strip():
+            continue
+        if "," in row or ";" in row:
+            raise InputError(f"line {number}: expected columns separated by blanks, found {row!r}")
+        if len(row.split()) != _COLUMNS:
+            raise InputError(
+                f"line {number}: expected {_COLUMNS} columns (id, duration, frame, left, top, "
+                f"width, height, type), found {len(row.split())}"
+            )
+        return
+
+
+def _read(path: Path, image_size: tuple[int, int]) -> Rows:
+    text = read_text(path)
+    _check_layout(path, text)
+    table, lines = numeric_table(text, _COLUMNS)
+    where = [f"line {n}" for n in lines]
+    kind = whole(table[:, 7], "the type", where.__getitem__)
+    bad = (kind < 0) | (kind >= len(CLASSES))
+    if bad.any():
+        first = int(np.argmax(bad))
+        raise InputError(
+            f"{where[first]}: the type must be 0 to {len(CLASSES) - 1}, found {kind[first]}"
+        )
+    corner = table[:, 3:5]
+    found = Detections.from_boxes(
+        image_size,
+        whole(table[:, 2], "the frame number", where.__getitem__),
+        np.hstack([corner, corner + table[:, 5:7]]),
+        track=whole(table[:, 0], "the object id", where.__getitem__),
+        class_name=np.array(CLASSES)[kind],
+    )
+    return Rows(found, where.__getitem__)
+
+
+FORMAT = AnnotationFormat(
+    name="virat",
+    description="VIRAT release 2.0 viratdata.objects.txt",
+    patterns=(f"*{SUFFIX}",),
+    sniff=_sniff,
+    read=_read,
+)

@@ -1,0 +1,102 @@
+"""Which methods are tried on which input, with what told, and how each came out."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from scene4d.calibration import person_segments
+from scene4d.errors import UnavailableError
+from scene4d.evaluate import PAPER_HEIGHTS_M, Outcome, Reference, Setting
+from scene4d.model import PERSON_HEIGHT_M, Orientation
+from scene4d.pipeline.options import Options, Seen
+from scene4d.pipeline.solving import solved, told_orientation
+
+HEIGHTS_M = tuple(sorted({*PAPER_HEIGHTS_M, PERSON_HEIGHT_M}))
+"""Mean heights at which everything is tried: the paper's, and our default."""
+SHORT_FOCAL = (0.85, 0.70)
+"""Focal length over the truth, as short as the paper's network saw it (METHOD section 2)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Input:
+    """One way of looking at a recording. ``circular``: made from the true calibration itself."""
+
+    footage: str
+    seen: Seen
+    circular: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One line of the table: an input, a method, and what it is told."""
+
+    setting: Setting
+    seen: Seen
+    has_lens: bool = False
+    orientation: Orientation | str | None = None
+
+    def outcome(self, reference: Reference, person_height_m: float) -> Outcome:
+        """Calibrate and score; a refusal is an outcome too."""
+        options = Options(
+            person_height_m=person_height_m,
+            method=self.setting.method,
+            orientation=self.orientation or "auto",
+            # A focal length that was told stands against the lens's own.
+            estimate_focal=self.orientation is not None,
+        )
+        lens = reference.camera.lens if self.has_lens else None
+        found = solved(self.seen, lens, options, told_orientation(options))
+        return Outcome.scored(self.setting, found, reference)
+
+
+def has_network() -> bool:
+    """Whether the orientation network is installed."""
+    try:
+        told_orientation(Options(orientation="network"))
+    except UnavailableError:
+        return False
+    return True
+
+
+def trials(given: Input, truth: Orientation | None, *, network: bool) -> Iterator[Trial]:
+    """Everything that is tried on an input; ``truth`` is None where no true camera is known,
+    ``network`` says whether the orientation network is installed.
+    """
+    keypoints = not person_segments(given.seen.detections).from_box.all()
+    boxes = replace(given.seen, detections=given.seen.detections.without_keypoints(), edges=None)
+    of_boxes = f"{given.footage}, boxes" if keypoints else given.footage
+
+    def trial(
+        footage: str,
+        method: str,
+        told: str,
+        seen: Seen,
+        *,
+        has_lens: bool = False,
+        orientation: Orientation | str | None = None,
+        headline: bool = False,
+    ) -> Trial:
+        setting = Setting(footage, method, told, given.circular, headline)
+        return Trial(setting, seen, has_lens, orientation)
+
+    if truth is not None:
+        told = "true f, tilt, roll"
+        yield trial(of_boxes, "paper", told, boxes, has_lens=True, orientation=truth, headline=True)
+        for share in SHORT_FOCAL:
+            wide = replace(truth, focal_px=share * truth.focal_px)
+            told = f"{share:.2f} f, tilt, roll"
+            yield trial(of_boxes, "paper", told, boxes, has_lens=True, orientation=wide)
+    if network:
+        yield trial(of_boxes, "paper", "network", boxes, orientation="network")
+    yield trial(of_boxes, "joint", "nothing", boxes)
+    if truth is not None:
+        yield trial(of_boxes, "joint", "lens", boxes, has_lens=True)
+    if not keypoints:
+        return
+    name = f"{given.footage}, keypoints"
+    alone = replace(given.seen, edges=None)
+    yield trial(name, "joint", "nothing", given.seen, headline=True)
+    yield trial(name, "joint", "nothing, no edges", alone)
+    if truth is not None:
+        yield trial(name, "joint", "lens", given.seen, has_lens=True)
+    if network:
+        yield trial(name, "joint", "network", given.seen, orientation="network")

@@ -1,0 +1,166 @@
+"""``scene4d evaluate`` through the program: real recordings, any camera, and bad input."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_scenes import SIZE
+
+from scene4d.model import Camera
+
+
+@pytest.fixture
+def files(tmp_path: Path, camera: Camera) -> dict[str, Path]:
+    """A calibration a little off, the true camera, and the true ground as a homography."""
+    wrong = camera.disturbed(np.array([0.0, 0.0, 0.0, np.log(1.05), 0.0]))
+    paths = {name: tmp_path / name for name in ("camera.json", "true.json", "img2world.txt")}
+    wrong.save(paths["camera.json"])
+    camera.save(paths["true.json"])
+    np.savetxt(paths["img2world.txt"], np.linalg.inv(camera.P[:, [0, 1, 3]]))
+    return paths
+
+
+def scored(run, *arguments: object) -> dict:
+    result = run("evaluate", "custom", *arguments, "--json")
+    assert result.exit_code == 0, result.stderr
+    (row,) = json.loads(result.stdout)["rows"]
+    return row
+
+
+def test_a_camera_against_itself(run, files):
+    row = scored(run, "--camera", files["true.json"], "--reference", files["true.json"])
+    assert row["correspondence_error_m"]["mean"] == pytest.approx(0, abs=1e-9)
+    assert row["near"]["auc"] == 1.0
+
+
+@pytest.mark.parametrize("reference", ["true.json", "img2world.txt"])
+def test_a_camera_hung_too_high_stretches_its_map(run, files, camera, tmp_path, reference):
+    uv = camera.project(np.array([[0, 10, 0], [0, 20, 0], [4, 12, 0], [-4, 18, 0.0]]))[0]
+    points = tmp_path / "points.csv"
+    points.write_text("u,v\n" + "".join(f"{u},{v}\n" for u, v in uv))
+    row = scored(
+        run,
+        "--camera", files["camera.json"], "--reference", files[reference], "--points", points,
+    )  # fmt: skip
+    # 5 % too high makes the ground 5 % too large: after alignment that is left of the distances
+    # from the middle of the points.
+    xy = np.array([[0, 10], [0, 20], [4, 12], [-4, 18.0]])
+    expected = 0.05 * np.hypot(*(xy - xy.mean(axis=0)).T)
+    assert row["correspondence_error_m"]["mean"] == pytest.approx(expected.mean(), rel=1e-6)
+    assert row["correspondence_error_m"]["sd"] == pytest.approx(expected.std(), rel=1e-6)
+
+
+def test_the_files_of_an_evaluation(run, files, tmp_path):
+    out = tmp_path / "deep" / "out"
+    result = run(
+        "evaluate", "custom", "--camera", files["camera.json"],
+        "--reference", files["img2world.txt"], "--out", out,
+    )  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    assert "evaluation.html" in result.stdout
+    assert json.loads((out / "evaluation.json").read_text())["dataset"] == "custom"
+    page = (out / "evaluation.html").read_text()
+    assert "<html" in page
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    pictures = list((out / "figures").glob("*.png"))
+    assert pictures
+    assert not [p for p in out.iterdir() if p.name.startswith(".")]
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"--camera": "missing.json"}, "missing.json"),
+        ({"--reference": "half.txt"}, "half.txt"),
+        ({"--points": "few.csv"}, "3 are needed"),
+    ],
+)
+def test_bad_files_are_named(run, files, tmp_path, changed, message):
+    (tmp_path / "half.txt").write_text("1 2 3 4 5\n")
+    (tmp_path / "few.csv").write_text(f"{SIZE[0] / 2},{SIZE[1] - 20}\n")
+    told = {"--camera": "camera.json", "--reference": "true.json"} | changed
+    arguments = [str(x) for option, name in told.items() for x in (option, tmp_path / name)]
+    out = tmp_path / "out"
+    result = run("evaluate", "custom", *arguments, "--out", out)
+    assert result.exit_code == 1
+    assert message in result.stderr
+    assert "internal error" not in result.stderr
+    assert not out.exists()
+
+
+def test_a_folder_without_the_data(run, tmp_path):
+    for name in ("pets", "towncentre", "virat"):
+        result = run("evaluate", name, "--data", tmp_path)
+        assert result.exit_code == 1
+        assert str(tmp_path) in result.stderr
+        assert "internal error" not in result.stderr
+        result = run("evaluate", name, "--data", tmp_path / "nowhere")
+        assert result.exit_code == 1
+        assert "internal error" not in result.stderr
+
+
+def rows_of(result) -> list[dict]:
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout)["rows"]
+
+
+def pick(rows: list[dict], footage: str, method: str, given: str, height_m: float = 1.70) -> dict:
+    (row,) = [
+        r
+        for r in rows
+        if (r["footage"], r["method"], r["given"], r["person_height_m"])
+        == (footage, method, given, height_m)
+    ]
+    return row
+
+
+@pytest.mark.weights
+@pytest.mark.usefixtures("networks")
+def test_pets_as_promised(spawn, shared_data, tmp_path):
+    out = tmp_path / "pets"
+    rows = rows_of(
+        spawn(["evaluate", "pets", "--data", shared_data / "pets2009", "--out", out, "--json"])
+    )
+    assert (out / "evaluation.html").exists()
+    assert pick(rows, "video, keypoints", "joint", "nothing")["correspondence_error_m"]["mean"] < 1
+    lens = pick(rows, "hand-drawn boxes", "joint", "lens")
+    assert lens["correspondence_error_m"]["mean"] < 0.4
+    paper = pick(rows, "hand-drawn boxes", "paper", "true f, tilt, roll", 1.7018)
+    assert paper["correspondence_error_m"]["mean"] < 0.4
+    assert paper["near"]["auc"] > 0.98
+    alone = pick(rows, "hand-drawn boxes", "joint", "nothing")
+    assert alone["status"] == "refused"
+    assert "focal length" in alone["reason"]
+    assert not any(row["circular"] for row in rows)
+    # A focal length as short as the paper's network saw it must hurt.
+    for share in ("0.85", "0.70"):
+        short = pick(rows, "hand-drawn boxes", "paper", f"{share} f, tilt, roll", 1.7018)
+        assert short["correspondence_error_m"]["mean"] > paper["correspondence_error_m"]["mean"]
+
+
+@pytest.mark.weights
+@pytest.mark.usefixtures("networks")
+def test_towncentre_beats_the_paper_and_marks_what_is_circular(spawn, shared_data):
+    found = spawn(["evaluate", "towncentre", "--data", shared_data / "towncentre", "--json"])
+    rows = rows_of(found)
+    published = json.loads(found.stdout)["published"]
+    assert published["correspondence_error_m"]["mean"] == 1.18
+    joint = pick(rows, "2 frames, keypoints", "joint", "nothing")
+    assert joint["correspondence_error_m"]["mean"] < 0.5 * 1.18
+    assert (
+        joint["correspondence_error_m"]["rms"]
+        < 3 * (joint["correspondence_error_m"]["predicted_rms"])
+    )
+    paper = pick(rows, "tracker boxes", "paper", "true f, tilt, roll", 1.7018)
+    assert paper["correspondence_error_m"]["mean"] < 0.3
+    assert {row["footage"] for row in rows if row["circular"]} == {"published boxes"}
+
+
+def test_the_table_for_people(run, files):
+    result = run(
+        "evaluate", "custom", "--camera", files["camera.json"], "--reference", files["true.json"]
+    )
+    assert result.exit_code == 0
+    assert "correspondence error" in result.stdout
+    assert "camera.json" in result.stdout
