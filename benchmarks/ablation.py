@@ -233,7 +233,7 @@ def cell(case: Case, found: Calibration | None) -> str:
 
 
 def parts(cases: list[Case]) -> str:
-    """A line per case, a column per variant; last, the geometric mean of the ratios to the first."""
+    """A line per case, a column per variant; last, mean ratios (geometric) to the first."""
     found = [[variant.solve(case) for variant in VARIANTS] for case in cases]
     rows = [["people", *(variant.name for variant in VARIANTS)], ["---"] * (len(VARIANTS) + 1)]
     for case, results in zip(cases, found, strict=True):

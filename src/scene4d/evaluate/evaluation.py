@@ -126,10 +126,11 @@ def near_figures(pairs: NearPairs) -> dict[str, Any]:
     scored here: with a softness σ > 0 the other two hedge even when every distance is exact. AUC
     sees the order alone: a map at a wrong scale keeps it. All pairs share one camera's few errors,
     so calibration and Brier score of one recording are a single draw, however many pairs there are.
-    AUC is None where all pairs are near, or none.
+    AUC is None where all pairs are near, or none; ``auc_within_two_tau`` leaves out the pairs that
+    are truly far and easy to tell.
     """
     true = pairs.positive
-    both = bool(true.any() and not true.all())
+    hard = pairs.select(pairs.true_m < 2 * pairs.tau_m)
     readings = {
         "paper": pairs.as_paper(),
         "expected": pairs.expected(),
@@ -140,13 +141,18 @@ def near_figures(pairs: NearPairs) -> dict[str, Any]:
         "near": int(true.sum()),
         "tau_m": pairs.tau_m,
         # Ranked by distance itself: far pairs, whose P(near) underflows, stay in order.
-        "auc": roc_curve(-pairs.estimated_m, true).auc if both else None,
-        "auc_expected": roc_curve(readings["expected"], true).auc if both else None,
+        "auc": _auc(-pairs.estimated_m, true),
+        "auc_within_two_tau": _auc(-hard.estimated_m, hard.positive),
+        "auc_expected": _auc(readings["expected"], true),
         "brier": {name: brier_score(p, true) for name, p in readings.items()},
         "calibration_error": {
             name: reliability(p, true).expected_error for name, p in readings.items()
         },
     }
+
+
+def _auc(score: np.ndarray, true: np.ndarray) -> float | None:
+    return roc_curve(score, true).auc if true.any() and not true.all() else None
 
 
 @dataclass(frozen=True, eq=False)

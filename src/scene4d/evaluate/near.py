@@ -22,6 +22,12 @@ class NearPairs:
     sigma_m: Float[np.ndarray, "p"]
     tau_m: float = NEAR_TAU_M
 
+    def select(self, rows: Bool[np.ndarray, "p"]) -> "NearPairs":
+        """Some of the pairs."""
+        return NearPairs(
+            self.true_m[rows], self.estimated_m[rows], self.sigma_m[rows], tau_m=self.tau_m
+        )
+
     @property
     def positive(self) -> Bool[np.ndarray, "p"]:
         """Whether the two are truly near: closer than ``tau_m``."""

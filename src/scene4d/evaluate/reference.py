@@ -113,12 +113,16 @@ class Reference:
         places = self.points_uv if self.vehicle_uv is None else self.vehicle_uv
         places = places[self.locate(places)[1]]
         apart = self.locate(people)[0][:, None] - self.locate(places)[0][None]
-        return near_pairs(
+        pairs = near_pairs(
             found,
             self.in_frame_of(people, undistorted=undistorted),
             self.in_frame_of(places, undistorted=undistorted),
             np.hypot(apart[..., 0], apart[..., 1]),
         )
+        if self.vehicle_uv is not None:
+            return pairs
+        # The points are some of the feet: no distance from themselves by any camera.
+        return pairs.select((people[:, None] != places[None]).any(axis=2).ravel())
 
     def _same_size(self, image_size: tuple[int, int]) -> None:
         if image_size != self.image_size:
