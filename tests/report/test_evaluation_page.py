@@ -213,7 +213,7 @@ def test_one_method_alone_is_shown_alone_and_the_page_says_so(whole):
 
 def test_a_bare_camera_of_a_user_gets_a_page():
     known = replace(scenes.park(), n_points=3)
-    only = scenes.line(replace(scenes.PAPER, method="given"), known, scale=1.01)[1]
+    only = scenes.line(replace(scenes.PAPER, method="given", given=""), known, scale=1.01)[1]
     bare = replace(only.calibration, covariance=None, segments=None, inlier=None)
     evaluation = Evaluation("custom", known, (replace(only, calibration=bare),))
     text = Text(rendered(evaluation)).text

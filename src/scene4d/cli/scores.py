@@ -48,7 +48,8 @@ def _row(setting: Setting, outcomes: list[Outcome], heights: list[float]) -> lis
     middle = by_height.get(PERSON_HEIGHT_M, outcomes[0])
     auc = "" if middle.near is None else _number(near_figures(middle.near)["auc"], 4)
     predicted = _number(middle.predicted_m, 2)
-    return [f"  {setting.method}, told {setting.given}", *cells, predicted, auc]
+    told = f", told {setting.given}" if setting.given else ""
+    return [f"  {setting.method}{told}", *cells, predicted, auc]
 
 
 def _number(value: float | None, digits: int) -> str:

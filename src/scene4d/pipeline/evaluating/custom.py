@@ -40,9 +40,10 @@ def evaluate_custom(
     truth = read_reference(reference, image_size=found.image_size)
     bare = Reference(Path(reference).name, truth, np.empty((0, 2)))
     if points is None:
-        given, uv = f"a grid of pixels ({COARSEST_M:g} m of ground at most)", _grid(bare)
+        of = f"a grid of pixels that cover {COARSEST_M:g} m of ground at most"
+        uv = _grid(bare)
     else:
-        given, uv = Path(points).name, read_points(points, image_size=found.image_size)
+        of, uv = Path(points).name, read_points(points, image_size=found.image_size)
     known = replace(bare, feet_uv=uv)
     count = len(known.walked_uv)
     if count < FEWEST:
@@ -51,9 +52,10 @@ def evaluate_custom(
             f"and {FEWEST} are needed: give --points FILE with pixels on the ground"
         )
     known = replace(known, n_points=min(MOST, count))
-    setting = Setting(Path(camera).name, found.method, given)
+    setting = Setting(Path(camera).name, found.method, given="")
     outcome = Outcome.scored(setting, found, known)
-    return Evaluation("custom", known, (outcome,))
+    note = f"The points are {known.n_points} spread over {of}."
+    return Evaluation("custom", known, (outcome,), notes=(note,))
 
 
 def _calibration(path: str | Path, image_size: tuple[int, int] | None) -> Calibration:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scene4d.evaluate import Evaluation
+from scene4d.evaluate import Evaluation, Setting
 from scene4d.predicates import NEAR_SIGMA_M
 from scene4d.report.evaluation.headline import Headline, headlines
 from scene4d.report.evaluation.look import height_text
@@ -58,11 +58,16 @@ def caption(name: str, evaluation: Evaluation) -> str:
     return _roc(evaluation, shown) if name == "roc" else _reliability(shown)
 
 
+def given(setting: Setting, separator: str = "; ") -> str:
+    """What a line was given beforehand, behind a separator; nothing where that is not known."""
+    return f"{separator}given: {setting.given}" if setting.given else ""
+
+
 def told(shown: Headline) -> str:
     """Footage, what was given, and the assumed height, for a caption."""
     s = shown.setting
     height = height_text(shown.outcome.person_height_m)
-    return f"{s.footage}; given: {s.given}; people {height}\u00a0m"
+    return f"{s.footage}{given(s)}; people {height}\u00a0m"
 
 
 def walked(evaluation: Evaluation) -> bool:
@@ -172,7 +177,7 @@ def _roc(evaluation: Evaluation, shown: tuple[Headline, ...]) -> str:
         span = auc_text(low)
         if auc_text(low) != auc_text(high):
             span += f" to {auc_text(high)}"
-        parts.append(f"{s.name} ({s.setting.footage}; given: {s.setting.given}) {span}")
+        parts.append(f"{s.name} ({s.setting.footage}{given(s.setting)}) {span}")
     return (
         f"{people} is positive where it truly is near; its score is P(near) "
         f"of the estimated distance. AUC: {'; '.join(parts)}. The order of the distances alone "
@@ -203,7 +208,7 @@ def _settings(evaluation: Evaluation) -> str:
         means = [o.error.mean_m for o in held if o.error is not None]
         least, most = held[int(np.argmin(means))], held[int(np.argmax(means))]
         ends = [
-            f"{metres(mean)} ({o.setting.footage}, {o.setting.method}, given: {o.setting.given}, "
+            f"{metres(mean)} ({o.setting.footage}, {o.setting.method}{given(o.setting, ', ')}, "
             f"people {height_text(o.person_height_m)}\u00a0m)"
             for mean, o in ((min(means), least), (max(means), most))
         ]

@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 from scene4d.evaluate import Evaluation, Outcome, Setting
 from scene4d.report import style
 from scene4d.report.evaluation import look
+from scene4d.report.evaluation.captions import given
 from scene4d.report.words import number
 
 _TEXT_IN, _DOTS_IN, _STEP_IN = 0.17, 0.5, 0.09
@@ -53,7 +54,7 @@ def draw_settings(evaluation: Evaluation) -> bytes:
 
 
 def _name(setting: Setting) -> str:
-    name = f"{setting.footage} · {setting.method} · given: {setting.given}"
+    name = f"{setting.footage} · {setting.method}{given(setting, ' · ')}"
     return name + " · circular, no evidence" if setting.circular else name
 
 

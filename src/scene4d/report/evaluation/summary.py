@@ -29,8 +29,8 @@ def verdict(evaluation: Evaluation) -> str:
 
 
 def _given(s: Headline) -> str:
-    """What a method was told; a camera that somebody gives is told nothing here."""
-    return f" (told {s.setting.given})" if s.method in ("paper", "joint") else ""
+    """What a method was told, where that is known."""
+    return f" (told {s.setting.given})" if s.setting.given else ""
 
 
 def paragraphs(evaluation: Evaluation) -> list[str]:
