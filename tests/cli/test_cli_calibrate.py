@@ -33,7 +33,7 @@ def test_real_footage(spawn, networks, pets, tmp_path):
 
 def assert_complete(out: Path, printed: dict[str, object]) -> None:
     """The folder holds what is promised and nothing else, and its parts agree."""
-    assert {p.name for p in out.iterdir()} == FILES
+    assert {p.name for p in out.iterdir()} == FILES | {"background.jpg"}
     written = json.loads((out / "camera.json").read_text())
     assert printed == written | {"out": str(out)}
     people = read_table(out / "people.parquet")

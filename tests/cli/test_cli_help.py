@@ -22,11 +22,15 @@ PROMISED = {
         "--out --lens --annotations --image-size --person-height --method --orientation "
         "--estimate-focal --frames --seed --drop-invalid --json"
     ),
+    "track": (
+        "--camera --out --annotations --rate --fps --drop-invalid --name --start --person-height "
+        "--json"
+    ),
     "evaluate pets": "--data --out --json",
     "evaluate towncentre": "--data --out --json",
     "evaluate virat": "--data --clip --image-size --out --json",
     "evaluate custom": "--camera --reference --points --image-size --out --json",
-    "export": "--to --out --json",
+    "export": "--to --out --from --image-size --run --anchor --json",
     "models": "--json",
     "demo": "--out --json",
 }

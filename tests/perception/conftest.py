@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from scene4d.errors import UnavailableError
+from scene4d.perception.detectors.yolov4 import Yolov4TinyDetector
 from scene4d.perception.detectors.yolox import YoloxDetector
 from scene4d.perception.keypoints import KeypointEstimator
 from scene4d.perception.weights import weight_path
@@ -30,6 +31,11 @@ def _weight(name: str) -> Path:
 @pytest.fixture(scope="session")
 def detector() -> YoloxDetector:
     return YoloxDetector(_weight("yolox-tiny"))
+
+
+@pytest.fixture(scope="session")
+def vehicle_detector() -> Yolov4TinyDetector:
+    return Yolov4TinyDetector(_weight("yolov4-tiny"), _weight("yolov4-tiny-layers"))
 
 
 @pytest.fixture(scope="session")

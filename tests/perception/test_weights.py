@@ -11,7 +11,7 @@ import pytest
 
 from scene4d.errors import InputError, OutputError, UnavailableError
 from scene4d.perception import weights as store
-from scene4d.perception.sources import PyPIWheel, SourceFailedError, ZipDownload
+from scene4d.perception.sources import FileDownload, PyPIWheel, SourceFailedError, ZipDownload
 
 CONTENT = b"a network"
 OTHER = b"another network"
@@ -136,14 +136,38 @@ def test_many_at_once_leave_one_whole_file(cache):
     assert [p.name for p in (cache / "weights").iterdir()] == ["net.onnx"]
 
 
+def test_only_what_is_asked_for_is_fetched():
+    shelf = Shelf((("a.onnx", CONTENT), ("b.onnx", OTHER)))
+    table = [weight(CONTENT, shelf, name="a"), weight(OTHER, name="b")]
+    assert store.missing_weights(names=["a"], weights=table) == ["a"]
+    assert [p.name for p in store.fetch_all(names=["a"], weights=table)] == ["a.onnx"]
+    assert store.missing_weights(names=["a"], weights=table) == []
+    assert store.missing_weights(weights=table) == ["b"]
+
+
 def test_the_table_is_complete():
-    assert [w.name for w in store.WEIGHTS] == ["yolox-tiny", "rtmpose-s"]
+    assert tuple(w.name for w in store.WEIGHTS) == store.PEOPLE_WEIGHTS + store.VEHICLE_WEIGHTS
     for w in store.WEIGHTS:
         assert len(w.sha256) == 64
-        assert w.file.endswith(".onnx")
+        assert isinstance(w.sources[0], PyPIWheel)
+        assert "(" in w.licence
+    for w in store.WEIGHTS[:3]:
         assert w.bytes > 2e7
-        assert [type(s) for s in w.sources] == [PyPIWheel, ZipDownload]
-    assert store.WEIGHTS[0].sources[0] == store.WEIGHTS[1].sources[0]
+        assert isinstance(w.sources[1], ZipDownload | FileDownload)
+    people, keypoints, vehicles, layers = (w.sources[0] for w in store.WEIGHTS)
+    assert people == keypoints
+    assert vehicles == layers
+
+
+def test_a_file_on_the_web_is_taken_as_it_is(tmp_path):
+    place = tmp_path / "net.weights"
+    place.write_bytes(CONTENT)
+    seen = []
+    got = FileDownload(place.as_uri()).fetch(["net.onnx"], lambda *a: seen.append(a))
+    assert got == {"net.onnx": CONTENT}
+    assert seen == [(place.as_uri(), len(CONTENT), len(CONTENT))]
+    with pytest.raises(SourceFailedError):
+        FileDownload((tmp_path / "none").as_uri()).fetch(["net.onnx"], None)
 
 
 def archive(**members: bytes) -> bytes:

@@ -11,6 +11,7 @@ from scene4d.cli.evaluate import evaluate
 from scene4d.cli.export import export
 from scene4d.cli.models import models
 from scene4d.cli.output import emit
+from scene4d.cli.track import track
 
 _EPILOG = """
 Begin with [bold]scene4d demo[/bold]. Every command explains itself with [bold]--help[/bold].
@@ -50,6 +51,6 @@ def scene4d(
     """Turn a fixed camera into a metric sensor, from the people who walk through its footage."""
 
 
-for _command in (calibrate, export, models, demo):
+for _command in (calibrate, track, export, models, demo):
     app.command(help=reflowed(_command.__doc__))(_command)
 app.add_typer(evaluate)

@@ -1,7 +1,7 @@
 """``scene4d export``: a camera in the format of another program."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -9,6 +9,9 @@ from scene4d.cli.arguments import Json, parse_image_size
 from scene4d.cli.guard import guarded
 from scene4d.cli.output import emit, emit_json
 from scene4d.errors import InputError
+
+if TYPE_CHECKING:
+    from scene4d.pipeline.exporting import GroundPoint
 
 
 def _writable() -> dict[str, str]:
@@ -24,10 +27,11 @@ def _completions() -> list[str]:
 
 @guarded
 def export(
-    camera: Annotated[
+    what: Annotated[
         Path,
         typer.Argument(
-            metavar="CAMERA", help="camera.json, or a camera file of another known format."
+            metavar="CAMERA|SCENE",
+            help="camera.json, or a camera file of another known format; or the folder of a scene.",
         ),
     ],
     *,
@@ -35,7 +39,8 @@ def export(
         str,
         typer.Option(
             metavar="FORMAT",
-            help="json, opencv-yaml, opencv-xml, krtd, colmap, ros, deepstream or matrix.",
+            help="Of a camera: json, opencv-yaml, opencv-xml, krtd, colmap, ros, deepstream or "
+            "matrix. Of a scene: csv, mot, kpf, geojson or moving-features.",
             autocompletion=_completions,
             show_default=False,
         ),
@@ -54,19 +59,84 @@ def export(
         str | None,
         typer.Option(metavar="WxH", help="Image size, for formats that do not hold it."),
     ] = None,
+    run: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Which run of a scene, where it holds several."),
+    ] = None,
+    anchor: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="U,V,LAT,LON",
+            help="A pixel on the ground with its latitude and longitude in degrees; twice or "
+            "more, to put a scene on the Earth.",
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
-    """Write a camera in the format of another program.
+    """Write a camera or a scene in the format of another program.
 
     [bold]Examples[/bold]
 
       scene4d export street/camera.json --to opencv-yaml --out street.yml
       scene4d export street/camera.json --to colmap --out street/sparse
       scene4d export street.krtd --to json --out camera.json
+      scene4d export scene --to csv --out tracks.csv
+      scene4d export scene --to geojson --out tracks.geojson \\
+          --anchor 420,510,53.4401,-0.9432 --anchor 130,390,53.4405,-0.9429
 
     ROS camera_info holds the lens alone. DeepStream and the bare 3x4 matrix hold no distortion:
     they are for undistorted images.
     """
+    from scene4d.pipeline.exporting import is_scene
+
+    if is_scene(what):
+        _export_scene(what, to, out, run, anchor or [], as_json=as_json)
+        return
+    _export_camera(what, to, out, from_format, image_size, as_json=as_json)
+
+
+def parse_anchor(text: str) -> "GroundPoint":
+    """``u,v,lat,lon`` as a point."""
+    from scene4d.pipeline.exporting import GroundPoint
+
+    try:
+        u, v, lat, lon = (float(word) for word in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(
+            f"{text!r} is no anchor; write it as 420,510,53.4401,-0.9432 (u,v,lat,lon)",
+            param_hint="--anchor",
+        ) from None
+    return GroundPoint(u, v, lat, lon)
+
+
+def _export_scene(
+    scene: Path, to: str, out: Path, run: str | None, anchor: list[str], *, as_json: bool
+) -> None:
+    from scene4d.formats.scenes import scene_formats
+    from scene4d.pipeline.exporting import export_scene
+
+    known = {f.name: f.description for f in scene_formats()}
+    if to not in known:
+        raise typer.BadParameter(
+            f"{to!r} is no format of scenes; known: {', '.join(known)}", param_hint="--to"
+        )
+    points = [parse_anchor(text) for text in anchor]
+    files = export_scene(scene, out, to, run=run, anchor=points)
+    if as_json:
+        emit_json({"format": to, "out": [str(path) for path in files]})
+    else:
+        emit("".join(f"Wrote {path}: {known[to]}\n" for path in files))
+
+
+def _export_camera(
+    camera: Path,
+    to: str,
+    out: Path,
+    from_format: str | None,
+    image_size: str | None,
+    *,
+    as_json: bool,
+) -> None:
     known = _writable()
     if to not in known:
         raise typer.BadParameter(

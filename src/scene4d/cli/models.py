@@ -24,7 +24,7 @@ def models(
     action: Annotated[
         Action | None,
         typer.Argument(
-            metavar="fetch", help="Get what is missing, about 45 MB, and check what is here."
+            metavar="fetch", help="Get what is missing, about 70 MB, and check what is here."
         ),
     ] = None,
     as_json: Json = False,
@@ -46,7 +46,7 @@ def models(
         from scene4d.pipeline import fetch_weights
 
         with shown() as progress:
-            fetch_weights(progress)
+            fetch_weights(progress, vehicles=True)
     _show(as_json=as_json)
 
 

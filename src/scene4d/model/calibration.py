@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from scene4d.errors import InputError
 from scene4d.model.camera import SCHEMA, Camera
 from scene4d.model.files import read_json
-from scene4d.model.people import Segments
+from scene4d.model.people import PERSON_HEIGHT_M, Segments
 
 PARAMETERS: tuple[str, ...] = (
     "log_focal",
@@ -21,6 +21,8 @@ PARAMETERS: tuple[str, ...] = (
 )
 """Order of the covariance's rows: log f, tilt, roll, log C_Z, and the fraction D by which the lens
 displaces the image's corner: ``k1 = D (f / half diagonal)²``, so that D does not move with f."""
+GIVEN = "given"
+"""The method of a camera that nobody calibrated here."""
 _STEP = 1e-5
 _FEET = 200  # so many feet say where the scene lies, and how well it is known
 
@@ -182,6 +184,17 @@ class Calibration:
         if self.camera is None:
             raise InputError(f"there is no camera: {self.reason or 'calibration undetermined'}")
         return self.camera
+
+    @classmethod
+    def of_camera(cls, camera: Camera) -> "Calibration":
+        """A camera that somebody gives, taken as exact."""
+        return cls(
+            status="ok",
+            method=GIVEN,
+            image_size=camera.image_size,
+            person_height_m=PERSON_HEIGHT_M,
+            camera=camera,
+        )
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Calibration":

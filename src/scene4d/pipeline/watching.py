@@ -20,12 +20,16 @@ ROUGH_FRAMES = 12
 """So many frames give a camera good enough to tell the detector how large people are where."""
 
 
-def fetch_weights(progress: Progress) -> None:
-    """Get the networks that are missing; raises as :func:`perception.weights.fetch_all`."""
-    from scene4d.perception.weights import fetch_all, missing_weights
+def fetch_weights(progress: Progress, *, vehicles: bool = False) -> None:
+    """Get the networks that are missing, those for vehicles only where they are wanted.
 
-    if not missing_weights():
-        fetch_all()  # checks those that are here
+    Raises as :func:`perception.weights.fetch_all`.
+    """
+    from scene4d.perception.weights import PEOPLE_WEIGHTS, fetch_all, missing_weights
+
+    names = None if vehicles else PEOPLE_WEIGHTS
+    if not missing_weights(names=names):
+        fetch_all(names=names)  # checks those that are here
         return
     percent = 0
 
@@ -36,7 +40,7 @@ def fetch_weights(progress: Progress) -> None:
         percent = now
 
     with progress.stage("Fetching the networks", 100) as step:
-        fetch_all(told)
+        fetch_all(told, names=names)
 
 
 def annotated(options: Options, image_size: tuple[int, int], fps: float | None) -> Seen:

@@ -4,10 +4,13 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.model import Calibration, write_json
+from scene4d.model import Calibration, write_bytes, write_json
 from scene4d.pipeline.options import Run
 from scene4d.pipeline.progress import Progress, timed
 from scene4d.pipeline.staging import ensure_folder, staged
+
+BACKGROUND = "background.jpg"
+"""The scene as it was calibrated: by it ``track`` sees whether the camera has moved since."""
 
 
 def write(result: Run, out_dir: str | Path, *, command: str | None, progress: Progress) -> Path:
@@ -19,7 +22,8 @@ def write(result: Run, out_dir: str | Path, *, command: str | None, progress: Pr
     from scene4d.report import FIGURES
 
     out = ensure_folder(out_dir)
-    names = [*(f"figures/{figure}.png" for figure in FIGURES), "report.html", "people.parquet"]
+    figures = (f"figures/{figure}.png" for figure in FIGURES)
+    names = [*figures, "report.html", "people.parquet", BACKGROUND]
     with (
         timed(result.timings, "report"),
         progress.stage("Drawing the report", None),
@@ -51,7 +55,16 @@ def _write_all(result: Run, folder: Path, command: str | None) -> None:
         version=version("scene4d"),
     )
     write_people(folder / "people.parquet", people_table(found))
+    if result.image_bgr is not None and found:
+        write_bytes(folder / BACKGROUND, _jpeg(result.image_bgr))
     write_json(folder / "camera.json", found.to_dict())
+
+
+def _jpeg(image_bgr: np.ndarray) -> bytes:
+    import cv2
+
+    coded = cv2.imencode(".jpg", image_bgr, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
+    return bytes(coded.tobytes())
 
 
 def people_table(found: Calibration) -> dict[str, np.ndarray]:

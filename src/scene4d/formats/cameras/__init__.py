@@ -1,6 +1,19 @@
 """Camera files in and out."""
 
 from scene4d.formats.cameras.contract import CameraFormat
-from scene4d.formats.cameras.registry import camera_formats, read_camera, read_lens, write_camera
+from scene4d.formats.cameras.registry import (
+    camera_formats,
+    read_calibration,
+    read_camera,
+    read_lens,
+    write_camera,
+)
 
-__all__ = ["CameraFormat", "camera_formats", "read_camera", "read_lens", "write_camera"]
+__all__ = [
+    "CameraFormat",
+    "camera_formats",
+    "read_calibration",
+    "read_camera",
+    "read_lens",
+    "write_camera",
+]

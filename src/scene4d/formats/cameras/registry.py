@@ -1,6 +1,7 @@
 """All camera formats. A new one is a file beside this one and a line in :data:`FORMATS`."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 from scene4d.errors import InputError, OutputError
@@ -17,7 +18,7 @@ from scene4d.formats.cameras import (
 )
 from scene4d.formats.cameras.contract import CameraFormat
 from scene4d.formats.text import head_text, prefixed
-from scene4d.model import Camera, Lens, write_bytes
+from scene4d.model import Calibration, Camera, Lens, read_json, write_bytes
 
 # The first whose sniff agrees reads the file, so the specific stand before the general.
 FORMATS: tuple[CameraFormat, ...] = (
@@ -84,6 +85,23 @@ def read_lens(path: str | os.PathLike[str], *, image_size: tuple[int, int] | Non
     """
     found = _read(Path(path), image_size, None, lens=True)
     return found.lens if isinstance(found, Camera) else found
+
+
+def read_calibration(
+    path: str | os.PathLike[str], *, image_size: tuple[int, int] | None = None
+) -> Calibration:
+    """A whole camera of any known format: with its covariance where a calibration wrote it, taken
+    as exact elsewhere.
+
+    Raises :class:`InputError` as :func:`read_camera`, and for a lens without a pose.
+    """
+    camera = read_camera(path, image_size=image_size)
+    if not isinstance(camera, Camera):
+        raise InputError(f"{path}: holds a lens without a pose; a whole camera is needed")
+    made = camera_json.FORMAT.sniff(Path(path), head_text(Path(path)))
+    if not made or "person_height_m" not in read_json(path):
+        return Calibration.of_camera(camera)
+    return replace(Calibration.load(path), camera=camera, image_size=camera.image_size)
 
 
 def _read(

@@ -1,4 +1,4 @@
-"""Detectors by name: the built-in one and those that other packages register.
+"""Detectors by name: the built-in ones and those that other packages register.
 
 A package registers a detector as an entry point of the group ``scene4d.detectors``; the entry is
 called without arguments and returns a :class:`~scene4d.perception.detectors.base.Detector`.
@@ -13,7 +13,12 @@ if TYPE_CHECKING:
     from scene4d.perception.detectors.base import Detector
 
 GROUP = "scene4d.detectors"
-_BUILT_IN = (EntryPoint("yolox", "scene4d.perception.detectors.yolox:YoloxDetector", GROUP),)
+_HERE = "scene4d.perception.detectors"
+_BUILT_IN = (
+    EntryPoint("torchvision-maskrcnn", f"{_HERE}.maskrcnn:MaskRcnnDetector", GROUP),
+    EntryPoint("yolov4-tiny", f"{_HERE}.yolov4:Yolov4TinyDetector", GROUP),
+    EntryPoint("yolox", f"{_HERE}.yolox:YoloxDetector", GROUP),
+)
 
 
 def _registered() -> dict[str, EntryPoint]:

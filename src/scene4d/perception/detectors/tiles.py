@@ -1,6 +1,7 @@
 """Where a detector of small input should look twice: tiles of the picture."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -14,7 +15,7 @@ NaN (or a value not above 0) where nobody can stand, such as above the horizon.
 """
 
 INPUT_PX = 416
-"""Side of the detector's square input."""
+"""Side of YOLOX-tiny's square input."""
 TILE_PX = 640
 OVERLAP_SHARE = 0.2
 REFERENCE_PX = 1920
@@ -28,6 +29,28 @@ MIN_GAIN = 1.3
 
 _CUT_PX = 3.0
 _CUT_SHARE = 0.03
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What a network sees: its input's longer side, a tile's side, and how small things may be.
+
+    Recall is whole for things ``small_px`` high in the network's input; below ``hopeless_px``
+    a tile does not help either. The defaults are those of YOLOX-tiny.
+    """
+
+    input_px: int = INPUT_PX
+    tile_px: int = TILE_PX
+    small_px: float = SMALL_PX
+    hopeless_px: float = HOPELESS_PX
+
+    @classmethod
+    def of_input(cls, input_px: int) -> "Sight":
+        """The same enlargement in the tiles for a network with another input."""
+        return cls(input_px=input_px, tile_px=round(TILE_PX * input_px / INPUT_PX))
+
+
+YOLOX_TINY = Sight()
 
 
 def tile_grid(image_size: tuple[int, int], tile_px: int = TILE_PX) -> Int[np.ndarray, "n 4"]:
@@ -62,30 +85,32 @@ def choose_tiles(
     expected_person_px: ExpectedPersonPx | None = None,
     *,
     use: bool | None = None,
+    sight: Sight = YOLOX_TINY,
 ) -> Int[np.ndarray, "n 4"]:
     """Tiles to look at besides the whole frame of (width, height); none where it shows enough.
 
-    ``use`` None decides by the image's size. With ``expected_person_px``, only those tiles are
-    left in which a whole person too small for the whole frame fits, and their side follows the
-    smallest such person. Raises :class:`InputError` where it has not one value per row.
+    ``use`` None decides by the image's size and the network's ``sight``. With
+    ``expected_person_px``, only those tiles are left in which a whole person too small for the
+    whole frame fits, and their side follows the smallest such person. Raises :class:`InputError`
+    where it has not one value per row.
     """
     none = np.empty((0, 4), np.int64)
     longest = max(image_size)
-    if not (longest >= MIN_GAIN * TILE_PX if use is None else use):
+    if not (longest >= MIN_GAIN * sight.tile_px if use is None else use):
         return none
-    tile_px = round(TILE_PX * max(1.0, longest / REFERENCE_PX))
+    tile_px = round(sight.tile_px * max(1.0, longest / REFERENCE_PX))
     if longest <= tile_px:
         return none
     if expected_person_px is None:
         return tile_grid(image_size, tile_px)
     height = _expected_heights(expected_person_px, image_size[1])
     with np.errstate(invalid="ignore"):
-        small = height * INPUT_PX < SMALL_PX * longest
-        needs_tile = small & (height * INPUT_PX >= HOPELESS_PX * TILE_PX)
+        small = height * sight.input_px < sight.small_px * longest
+        needs_tile = small & (height * sight.input_px >= sight.hopeless_px * sight.tile_px)
     if not needs_tile.any():
         return none
-    wanted_px = height[needs_tile].min() * INPUT_PX / SMALL_PX
-    tiles = tile_grid(image_size, round(float(np.clip(wanted_px, TILE_PX, tile_px))))
+    wanted_px = height[needs_tile].min() * sight.input_px / sight.small_px
+    tiles = tile_grid(image_size, round(float(np.clip(wanted_px, sight.tile_px, tile_px))))
     foot = np.flatnonzero(needs_tile)
     head = np.maximum(foot - height[needs_tile], 0)
     useful = (foot < tiles[:, 3, None]) & (head >= tiles[:, 1, None])

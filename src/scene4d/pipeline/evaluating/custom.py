@@ -8,11 +8,9 @@ from jaxtyping import Float
 
 from scene4d.errors import InputError
 from scene4d.evaluate import Evaluation, Outcome, Reference, Setting
-from scene4d.formats.cameras import camera_json, read_camera
+from scene4d.formats.cameras import read_calibration
 from scene4d.formats.homographies import read_reference
 from scene4d.formats.points import read_points
-from scene4d.formats.text import head_text
-from scene4d.model import PERSON_HEIGHT_M, Calibration, Camera, read_json
 
 GRID = (48, 32)
 """Columns and rows of pixels that serve as points where none are given."""
@@ -36,7 +34,7 @@ def evaluate_custom(
     taken for the same footage, as decoded. Raises :class:`InputError` for files that cannot be
     read, and where fewer than :data:`FEWEST` points lie on the ground.
     """
-    found = _calibration(camera, image_size)
+    found = read_calibration(camera, image_size=image_size)
     truth = read_reference(reference, image_size=found.image_size)
     bare = Reference(Path(reference).name, truth, np.empty((0, 2)))
     if points is None:
@@ -56,29 +54,6 @@ def evaluate_custom(
     outcome = Outcome.scored(setting, found, known)
     note = f"The points are {known.n_points} spread over {of}."
     return Evaluation("custom", known, (outcome,), notes=(note,))
-
-
-def _calibration(path: str | Path, image_size: tuple[int, int] | None) -> Calibration:
-    """A ``camera.json`` with its covariance, or a camera of any other format without one."""
-    camera = read_camera(path, image_size=image_size)
-    if not isinstance(camera, Camera):
-        raise InputError(f"{path}: holds a lens without a pose; a whole camera is needed")
-    if _calibrated(Path(path)):
-        return replace(Calibration.load(path), camera=camera, image_size=camera.image_size)
-    return Calibration(
-        status="ok",
-        method="given",
-        image_size=camera.image_size,
-        person_height_m=PERSON_HEIGHT_M,
-        camera=camera,
-    )
-
-
-def _calibrated(path: Path) -> bool:
-    """Whether a calibration wrote this file, with what it knows of its own errors."""
-    if not camera_json.FORMAT.sniff(path, head_text(path)):
-        return False
-    return "person_height_m" in read_json(path)
 
 
 def _grid(reference: Reference) -> Float[np.ndarray, "n 2"]:

@@ -1,0 +1,182 @@
+"""``scene4d track``: people and vehicles on the ground, written as a scene."""
+
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scene4d.cli.arguments import Json, parse_person_height
+from scene4d.cli.guard import guarded
+
+if TYPE_CHECKING:
+    from scene4d.pipeline.tracking import TrackRun
+
+_WATCHING = "What is watched"
+_MEANING = "What it means"
+
+
+@guarded
+def track(
+    source: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="SOURCE",
+            help="Video or stream URL of the calibrated camera. Not needed with --annotations.",
+            show_default=False,
+        ),
+    ] = None,
+    *,
+    camera: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE",
+            help="camera.json of calibrate, or a camera file of another known format.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            metavar="SCENE",
+            help="Folder of the scene; made if it is not there, added to if it is.",
+            show_default=False,
+        ),
+    ],
+    annotations: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Boxes instead of the built-in detectors: KPF, MOTChallenge, PETS XML, "
+            "TownCentre, COCO, VIRAT. Tracks in it are kept.",
+            rich_help_panel=_WATCHING,
+            show_default=False,
+        ),
+    ] = None,
+    rate: Annotated[
+        float,
+        typer.Option(
+            metavar="HZ",
+            help="Pictures looked at per second of footage.",
+            rich_help_panel=_WATCHING,
+        ),
+    ] = 10.0,
+    fps: Annotated[
+        float | None,
+        typer.Option(
+            metavar="HZ",
+            help="Frames per second of --annotations, where there is no SOURCE to tell.",
+            rich_help_panel=_WATCHING,
+            show_default=False,
+        ),
+    ] = None,
+    drop_invalid: Annotated[
+        bool,
+        typer.Option(
+            "--drop-invalid",
+            help="Leave out impossible boxes of --annotations, with a warning.",
+            rich_help_panel=_WATCHING,
+        ),
+    ] = False,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            "--name",
+            metavar="NAME",
+            help="What the camera is called in the scene. Default: the name of the footage.",
+            rich_help_panel=_MEANING,
+            show_default=False,
+        ),
+    ] = None,
+    start: Annotated[
+        str | None,
+        typer.Option(
+            metavar="TIME",
+            help="When the footage began, as 2026-11-20T08:00:00Z. Default: unknown, and times "
+            "count from 1970.",
+            rich_help_panel=_MEANING,
+            show_default=False,
+        ),
+    ] = None,
+    person_height: Annotated[
+        str | None,
+        typer.Option(
+            metavar="METRES",
+            help="Mean height of the people. Default: that of the calibration.",
+            rich_help_panel=_MEANING,
+            show_default=False,
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Follow people and vehicles on the ground, in metres and seconds, and write the scene.
+
+    The scene is a folder of Parquet files with a row per object and moment: position with its
+    covariance, velocity, heading, box and keypoints. A run that was stopped goes on where it
+    stopped when it is started again; another run adds to the scene.
+
+    [bold]Examples[/bold]
+
+      scene4d track gate.mp4 --camera gate/camera.json --out scene
+      scene4d track gate.mp4 --camera gate/camera.json --out scene \\
+          --name gate --start 2026-11-20T08:00:00Z
+      scene4d track --annotations clip.geom.yml --fps 30 \\
+          --camera G328.krtd --out scene
+    """
+    if source is None and annotations is None:
+        raise typer.BadParameter("give footage, or --annotations", param_hint="SOURCE")
+    height_m = None if person_height is None else parse_person_height(person_height)
+    from scene4d.cli.progress import shown
+    from scene4d.pipeline.tracking import TrackOptions, track_scene
+
+    options = TrackOptions(
+        camera=camera,
+        annotations=annotations,
+        name=name,
+        start=None if start is None else parse_start(start),
+        rate_hz=rate,
+        fps=fps,
+        person_height_m=height_m,
+        drop_invalid=drop_invalid,
+    )
+    with shown() as progress:
+        run = track_scene(source, out, options, progress)
+    _finish(run, as_json=as_json)
+
+
+def parse_start(text: str) -> datetime:
+    """An ISO 8601 time; without a zone it is UTC."""
+    try:
+        time = datetime.fromisoformat(re.sub(r"[zZ]$", "+00:00", text.strip()))
+    except ValueError:
+        raise typer.BadParameter(
+            f"{text!r} is no time; write it as 2026-11-20T08:00:00Z", param_hint="--start"
+        ) from None
+    return (time if time.tzinfo else time.replace(tzinfo=UTC)).astimezone(UTC)
+
+
+def _finish(run: "TrackRun", *, as_json: bool) -> None:
+    from scene4d.cli.output import emit_json, screen
+
+    if as_json:
+        emit_json(run.to_dict())
+        return
+    from rich.table import Table
+
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column()
+    found = ", ".join(f"{count} x {name}" for name, count in run.tracks.items()) or "nobody"
+    table.add_row("Tracks", found)
+    table.add_row("Rows", f"{run.rows:,}")
+    if run.without_position:
+        table.add_row("No position", f"{run.without_position:,} sightings without a ground point")
+    if run.resumed:
+        table.add_row("Resumed", f"after {run.resumed} chunks of an earlier run")
+    table.add_row("Time taken", ", ".join(f"{k} {v:.1f} s" for k, v in run.timings.items()))
+    with screen() as console:
+        console.print(table)
+        for warning in run.warnings:
+            console.print(f"Warning  {warning}", style="yellow")
+        console.print(f"\nScene    {run.scene}", soft_wrap=True)

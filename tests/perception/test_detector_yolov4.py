@@ -1,0 +1,126 @@
+import csv
+from pathlib import Path
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+
+from scene4d.errors import InputError
+from scene4d.perception.detectors.yolov4 import Yolov4TinyDetector
+
+PETS_VEHICLES = np.array([[651.9, 44.1, 723.2, 100.4], [734.7, 49.6, 767.5, 92.5]])
+"""The parked van and the car that the border cuts; drawn by hand, good to about 2 px."""
+
+
+def hand_drawn(frame: str, kind: str) -> np.ndarray:
+    with (Path(__file__).parent / "meva_vehicles.csv").open() as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    chosen = [r for r in rows if (r["frame"], r["kind"]) == (frame, kind)]
+    return np.array([[float(r[k]) for k in ("x1", "y1", "x2", "y2")] for r in chosen])
+
+
+def four_wheels(found):
+    return found[np.isin(found.data["class_name"], ("car", "truck", "bus"))]
+
+
+@pytest.mark.weights
+@pytest.mark.shared_data
+def test_both_parked_vehicles_of_pets_are_found_and_nothing_else(
+    vehicle_detector, pets_frames, iou
+):
+    frames = pets_frames[::10]
+    hits, others = np.zeros(2), 0
+    for frame in frames:
+        found = four_wheels(vehicle_detector.detect(frame.image_bgr))
+        overlap = iou(found.xyxy, PETS_VEHICLES)
+        hits += (overlap >= 0.7).any(axis=0)
+        others += (overlap.max(axis=1) < 0.5).sum()
+        # Where it stands is the bottom of its box: parked, so it is always at the same place.
+        assert np.abs(found.xyxy[overlap[:, 0].argmax(), 3] - PETS_VEHICLES[0, 3]) < 6
+    assert (hits >= len(frames) - 1).all()
+    assert others == 0
+
+
+@pytest.mark.weights
+@pytest.mark.shared_data
+def test_car_parks_of_meva(vehicle_detector, shared_data, iou):
+    whole = vehicle_detector.expecting(None)
+    whole.tiles = False
+    found, false, there = {}, {}, 0
+    for frame in ("G424", "G328"):
+        image = cv2.imread(str(shared_data / f"meva/frames/{frame}.jpg"))
+        true, unclear = hand_drawn(frame, "vehicle"), hand_drawn(frame, "unclear")
+        there += len(true)
+        for name, detector in (("tiles", vehicle_detector), ("whole", whole)):
+            boxes = four_wheels(detector.detect(image)).xyxy
+            overlap = iou(boxes, true)
+            found[name] = found.get(name, 0) + (overlap >= 0.5).any(axis=0).sum()
+            spare = boxes[overlap.max(axis=1) < 0.3]
+            known = (iou(spare, unclear) >= 0.15).any(axis=1)
+            false[name] = false.get(name, 0) + (~known).sum()
+    assert there == 37
+    assert found["tiles"] >= 33
+    assert 27 <= found["whole"] < found["tiles"]
+    assert max(false.values()) <= 2
+
+
+@pytest.mark.weights
+@pytest.mark.shared_data
+def test_bicycles_are_found_under_their_coco_names(vehicle_detector, shared_data):
+    image = cv2.imread(str(shared_data / "towncentre/frames/frame_0000.jpg"))
+    found = vehicle_detector.detect(image)
+    kinds = set(found.data["class_name"])
+    assert kinds == {"person", "bicycle"}
+    assert (found.class_id[found.data["class_name"] == "bicycle"] == 1).all()
+    assert (np.diff(found.confidence) <= 0).all()
+
+
+@pytest.mark.weights
+def test_opencv_has_its_threads_back(vehicle_detector, monkeypatch):
+    alone = vehicle_detector.expecting(None)
+    monkeypatch.setattr(alone, "_threads", 1)
+    before, seen = cv2.getNumThreads(), []
+    forward = alone._net.forward
+    watched = SimpleNamespace(
+        setInput=alone._net.setInput,
+        forward=lambda names: (seen.append(cv2.getNumThreads()), forward(names))[1],
+    )
+    monkeypatch.setattr(alone, "_net", watched)
+    cv2.setNumThreads(2)
+    try:
+        alone.detect(np.zeros((60, 80, 3), np.uint8))
+        assert (seen, cv2.getNumThreads()) == ([1], 2)
+    finally:
+        cv2.setNumThreads(before)
+
+
+@pytest.mark.weights
+@pytest.mark.shared_data
+def test_boxes_are_those_of_the_picture_given_whatever_its_shape(vehicle_detector, pets_frames):
+    image = pets_frames[0].image_bgr
+    wide = cv2.resize(image, None, fx=1.5, fy=2, interpolation=cv2.INTER_CUBIC)
+    once, there = (four_wheels(vehicle_detector.detect(i)).xyxy for i in (image, wide))
+    # The network sees nearly the same square twice.
+    back = (there + 0.5) / [1.5, 2, 1.5, 2] - 0.5
+    assert len(once) == len(back) == 2
+    assert np.abs(np.sort(once, axis=0) - np.sort(back, axis=0)).max() < 4
+    assert abs(np.mean(np.sort(once, axis=0) - np.sort(back, axis=0))) < 1
+    assert once.max() <= 767.5
+
+
+@pytest.mark.parametrize("input_px", [0, 16, 600])
+def test_the_input_is_a_multiple_of_32(input_px):
+    with pytest.raises(InputError, match=f"input_px: found {input_px}, expected a multiple of 32"):
+        Yolov4TinyDetector(Path("none"), Path("none"), input_px=input_px)
+
+
+def test_files_that_are_no_darknet_network_are_named(tmp_path, capfd):
+    layers, weights = tmp_path / "net.cfg", tmp_path / "net.weights"
+    layers.write_text("a shopping list")
+    weights.write_bytes(b"milk")
+    with pytest.raises(InputError, match=r"net\.cfg.*net\.weights.*not a Darknet network"):
+        Yolov4TinyDetector(weights, layers)
+    with pytest.raises(InputError, match="not a Darknet network"):
+        Yolov4TinyDetector(tmp_path / "none", tmp_path / "none")
+    capfd.readouterr()  # OpenCV says it too
