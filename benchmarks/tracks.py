@@ -1,10 +1,11 @@
 """How good tracks are on the ground: PETS S2L1 against its hand-drawn boxes and true camera.
 
-    python benchmarks/tracks.py [--data DIR] [--out DIR]
+    python benchmarks/tracks.py [--data DIR] [--out DIR] [--write]
 
 Calibrates the camera from the video, tracks with it and with the true camera, and compares with the
 true positions: the hand-drawn boxes through the true camera, moved from the near rim of the body to
-its axis. DIR of --out keeps the scenes, so that a second run does not detect again.
+its axis. DIR of --out keeps the scenes, so that a second run does not detect again. With --write
+the table replaces what stands between the markers in README.md.
 """
 
 import argparse
@@ -26,6 +27,7 @@ from scene4d.scene.people import locate_people
 from scene4d.scene.query import Scene
 
 ROOT = Path(__file__).parents[1]
+BEGIN, END = "<!-- tracks: begin -->", "<!-- tracks: end -->"
 SAME_IOU, REACH_M = 0.3, 1.5
 ELLIPSE = 5.991
 """95 % quantile of chi-squared with two degrees of freedom."""
@@ -97,6 +99,7 @@ def main() -> None:
     folder = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
     parser.add_argument("--data", type=Path, default=Path(folder))
     parser.add_argument("--out", type=Path, default=None)
+    parser.add_argument("--write", action="store_true", help="put the table into README.md")
     arguments = parser.parse_args()
     reference = pets(arguments.data / "pets2009")
     video = arguments.data / "pets2009" / "vtest.avi"
@@ -117,7 +120,12 @@ def main() -> None:
             done = track_scene(video, scene, TrackOptions(camera), Silent())
             rows.append([name, *scored(scene, truth, reference.camera)])
             print(name, {k: round(v, 2) for k, v in done.timings.items()})
-    print("\n".join("| " + " | ".join(cells) + " |" for cells in rows))
+    text = "\n".join("| " + " | ".join(cells) + " |" for cells in rows)
+    print(text)
+    if arguments.write:
+        readme = ROOT / "README.md"
+        before, rest = readme.read_text().split(BEGIN)
+        readme.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}")
 
 
 if __name__ == "__main__":

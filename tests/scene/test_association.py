@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scene4d.errors import InputError
 from scene4d.model import Detections
 from scene4d.model.tracks import Located
-from scene4d.scene.association import AssociationSettings, GroundTracker
+from scene4d.scene.association import AssociationSettings, GroundTracker, _assigned
 
 SIZE = (1000, 600)
 SIGMA = 0.12
@@ -103,6 +103,51 @@ def test_one_without_a_ground_point_for_a_moment_keeps_the_number():
     times = np.arange(0, 4, 0.1)
     seen = [(t, frame_of([[10 + t, 15.0]], known=[not 2 < t < 2.6])) for t in times]
     assert np.unique(follow(seen)).tolist() == [0]
+
+
+def test_two_without_ground_points_pass_each_other_unseen():
+    def xy(t):
+        return [[20 - 1.3 * (t - 2), 15.0], [20 + 1.3 * (t - 2), 15.0]]
+
+    times = [*np.arange(0, 1.5, 0.1), *np.arange(2.5, 4, 0.1)]
+    labels = follow((t, frame_of(xy(t), known=[False, False])) for t in times)
+    # They start left to right, and the numbers follow the image.
+    assert (np.array(labels) == labels[0]).all()
+
+
+def test_who_has_been_hidden_does_not_take_what_is_near_another():
+    """A wide prediction is near to everything; the likelihood counts its width."""
+
+    def both(t):
+        return frame_of([[20.0, 15.0], [21.5, 15.0]][: 2 if t < 1 else 1])
+
+    moments = [(t, both(t)) for t in np.arange(0, 3, 0.1)]
+    labels = follow([*moments, (3.0, frame_of([[20.7, 15.0]]))])
+    assert labels[-1][0] == labels[0][0]
+
+
+def test_who_was_hidden_for_less_comes_back_first():
+    def seen(t):
+        there = [[20.0, 15.0]] if t < 2.1 else []
+        return frame_of([*there, *([[21.0, 15.0]] if t < 3.8 else [])])
+
+    moments = [(t, seen(t)) for t in np.arange(0, 5, 0.1)]
+    labels = follow([*moments, (5.0, frame_of([[20.45, 15.0]]))])
+    assert labels[-1][0] == labels[0][1]
+
+
+def test_size_tells_two_apart_and_keeps_up_with_who_comes_nearer():
+    def both(t):
+        return frame_of([[20, 15], [21, 15]], size=[8.0 + 8.0 * t, 12.0])
+
+    after = frame_of([[20.5, 15.1], [20.5, 14.9]], size=[12.0, 32.0])
+    labels = follow([*((t, both(t)) for t in np.arange(0, 3, 0.1)), (4.4, after)])
+    assert labels[-1].tolist() == labels[0][::-1].tolist()
+
+
+def test_an_impossible_pair_does_not_break_up_a_good_one():
+    cost = np.array([[-5.0, -1.0], [-3.0, np.inf]])
+    assert [a.tolist() for a in _assigned(cost)] == [[0], [0]]
 
 
 def test_people_are_never_vehicles_and_a_car_may_look_like_a_truck():

@@ -34,7 +34,9 @@ _NEW_SHARE = 0.2  # of a new sighting in a track's height and colours
 
 @dataclass(frozen=True)
 class AssociationSettings:
-    """Costs are -2 log likelihood ratios. None of these was fitted to annotated tracks."""
+    """Costs are -2 log likelihood ratios. Round numbers; ``size_sigma`` was raised from 0.1 after
+    a look at scores on PETS S2L1, where boxes of Faster R-CNN jitter by that much.
+    """
 
     memory_s: float = 3.0
     """A track unseen for longer ends ..."""

@@ -91,7 +91,6 @@ class Memory:
     time_s: Float[np.ndarray, "k"]
     frame: Int[np.ndarray, "k"]
     measured_s: Float[np.ndarray, "k"]
-    standing: Bool[np.ndarray, "k"]
     mean: Float[np.ndarray, "k 6"]
     covariance: Float[np.ndarray, "k 6 6"]
 
@@ -104,7 +103,7 @@ class Memory:
         """Nothing remembered."""
         no, none = np.empty(0), np.empty(0, np.int64)
         mean, cov = np.empty((0, 6)), np.empty((0, 6, 6))
-        return cls(none, none, no, none, no, np.empty(0, bool), mean, cov)
+        return cls(none, none, no, none, no, mean, cov)
 
 
 BRIDGED, REMEMBERED = -1, -2

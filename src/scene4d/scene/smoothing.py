@@ -134,7 +134,7 @@ def smooth_rows(sightings: Sightings, clock: Clock, memory: Memory, s: Smoothing
     used = placed | remembered
     prior = Prior(np.flatnonzero(remembered[used]), memory.mean, memory.covariance)
     moments = found.moments
-    standing, factor, mean, cov = _estimate(moments.select(used), prior, memory, s)
+    standing, factor, mean, cov = _estimate(moments.select(used), prior, s)
     n = len(used)
     rows = Rows(
         source=found.source,
@@ -173,14 +173,13 @@ def remembered(rows: Rows, memory: Memory, until_s: float) -> Memory:
         time_s=m.time_s[last],
         frame=rows.frame[used][last],
         measured_s=measured_s[last],
-        standing=rows.standing[used][last],
         mean=mean[last],
         covariance=cov[last],
     )
 
 
 def _estimate(
-    moments: Moments, prior: Prior, memory: Memory, s: SmoothingSettings
+    moments: Moments, prior: Prior, s: SmoothingSettings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Which rows stand, factors of variance, states and their covariance."""
     chain = Chain(moments, prior)
@@ -196,7 +195,6 @@ def _estimate(
         # Twice: what was pinned the first time shows that it did not move in between either.
         for _ in range(2):
             standing = vehicle & stands(moments, mean[:, :2], s)
-            standing[prior.at] = memory.standing
             mean, _ = chain.solve(standing, factor, covariance=False)
     mean, cov = chain.solve(standing, factor, covariance=True)
     assert cov is not None  # it was asked for

@@ -1,0 +1,212 @@
+"""``track_scene``: from footage or annotations to a scene on disk, killed and resumed."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from walks import CAMERA, CAR, FPS, SECONDS, SIZE, detections, ground, mot_text, places, write_video
+
+from scene4d.errors import InputError
+from scene4d.model import Tracks
+from scene4d.perception.objects import ObjectDetector
+from scene4d.pipeline import Silent
+from scene4d.pipeline.tracking import TrackOptions, sampling, track_scene
+from scene4d.pipeline.tracking.placing import bottoms_hidden
+from scene4d.scene.query import Scene
+
+
+class Perfect:
+    """A detector that knows the answer; it stops working after some frames."""
+
+    def __init__(self, until: int | None = None) -> None:
+        self.timings = {"detect people": 0.0}
+        self.seen: list[int] = []
+        self.until = until
+
+    def expecting(self, _):
+        return self
+
+    def look(self, frame):
+        if self.until is not None and frame.index >= self.until:
+            raise KeyboardInterrupt
+        self.seen.append(frame.index)
+        found = detections(frame.index)
+        found = replace(found, time_s=np.full(len(found), frame.time_s))
+        return found, np.full((len(found), 4), 0.25, np.float32)
+
+
+@pytest.fixture
+def detector(monkeypatch):
+    def use(until: int | None = None) -> Perfect:
+        made = Perfect(until)
+        monkeypatch.setattr(ObjectDetector, "default", lambda **_: made)
+        monkeypatch.setattr("scene4d.pipeline.watching.fetch_weights", lambda *_, **__: None)
+        return made
+
+    return use
+
+
+@pytest.fixture
+def camera(tmp_path: Path) -> Path:
+    path = tmp_path / "camera" / "camera.json"
+    path.parent.mkdir()
+    CAMERA.save(path)
+    return path
+
+
+def tracked(scene: Path) -> Tracks:
+    return Scene.open(scene).tracks()
+
+
+def assert_true(tracks: Tracks, *, people: int = 2, within_m: float = 0.25) -> None:
+    """Every person is one track, near the true place and speed at every moment."""
+    found = np.unique(tracks.track[tracks.class_name == "person"])
+    assert len(found) == people
+    for name in found:
+        one = tracks.select(tracks.track == name)
+        truth = np.array([places(t) for t in one.time_s])
+        off = np.linalg.norm(one.xy_m[:, None] - truth, axis=2)
+        who = int(off.mean(axis=0).argmin())
+        assert off[:, who].max() < within_m
+        middle = slice(10, -10)
+        speed = np.linalg.norm(one.velocity_mps[middle], axis=1)
+        expected = np.linalg.norm((truth[-1, who] - truth[0, who]) / np.ptp(one.time_s))
+        np.testing.assert_allclose(speed, expected, rtol=0.2)
+        assert np.isfinite(one.heading_rad[middle]).all()
+
+
+@pytest.mark.parametrize("tracks", [True, False])
+def test_annotated_boxes_become_a_scene(tmp_path, camera, tracks):
+    boxes = tmp_path / "boxes.txt"
+    boxes.write_text(mot_text(tracks=tracks))
+    options = TrackOptions(camera, annotations=boxes, fps=float(FPS), name="yard")
+    run = track_scene(None, tmp_path / "scene", options, Silent())
+    assert run.tracks == {"person": 2}
+    assert run.rows == 2 * FPS * SECONDS
+    found = tracked(tmp_path / "scene")
+    assert_true(found)
+    if tracks:
+        assert set(found.track % 1_000_000_000) == {1, 2}
+    assert Scene.open(tmp_path / "scene").cameras == ("yard",)
+
+
+def test_the_rate_thins_annotated_frames(tmp_path, camera):
+    boxes = tmp_path / "boxes.txt"
+    boxes.write_text(mot_text(tracks=True))
+    options = TrackOptions(camera, annotations=boxes, fps=float(FPS), rate_hz=2.0)
+    run = track_scene(None, tmp_path / "scene", options, Silent())
+    assert run.rows == 2 * 2 * SECONDS
+    assert len(np.unique(tracked(tmp_path / "scene").time_s)) == 2 * SECONDS
+
+
+def test_a_video_becomes_a_scene_with_a_parked_car(tmp_path, camera, detector):
+    used = detector()
+    video = write_video(tmp_path / "yard.avi")
+    run = track_scene(video, tmp_path / "scene", TrackOptions(camera), Silent())
+    assert used.seen == list(range(FPS * SECONDS))
+    assert run.tracks == {"person": 2, "car": 1}
+    found = tracked(tmp_path / "scene")
+    assert_true(found)
+    car = found.select(found.class_name == "car")
+    assert np.linalg.norm(car.xy_m - CAR, axis=1).max() < 0.8
+    assert car.xy_m.std(axis=0).max() < 0.05
+    assert "was not checked" in run.warnings[0]
+
+
+def columns(scene: Path) -> dict[str, list]:
+    (file,) = scene.glob("tracks/camera=*/day=*/*.parquet")
+    return pq.ParquetFile(file).read().to_pydict()
+
+
+def test_a_killed_run_goes_on_and_ends_the_same(tmp_path, camera, detector, monkeypatch):
+    monkeypatch.setattr(sampling, "CHUNK_S", 2.0)
+    video = write_video(tmp_path / "yard.avi")
+    detector()
+    track_scene(video, tmp_path / "whole", TrackOptions(camera), Silent())
+    for until in (5, 33, 55):
+        killed = detector(until)
+        with pytest.raises(KeyboardInterrupt):
+            track_scene(video, tmp_path / "again", TrackOptions(camera), Silent())
+        assert not list((tmp_path / "again").rglob("*.parquet"))
+    assert killed.seen[0] == 20, "what was seen before 2 s is not seen again"
+    last = detector()
+    run = track_scene(video, tmp_path / "again", TrackOptions(camera), Silent())
+    assert (run.resumed, last.seen[0]) == (2, 40)
+    assert columns(tmp_path / "again") == columns(tmp_path / "whole")
+    # Once more: nothing is detected again, and nothing is there twice.
+    idle = detector()
+    track_scene(video, tmp_path / "again", TrackOptions(camera), Silent())
+    assert idle.seen == []
+    assert columns(tmp_path / "again") == columns(tmp_path / "whole")
+
+
+def test_a_second_run_adds_to_the_scene(tmp_path, camera, detector):
+    detector()
+    for name in ("a.avi", "b.avi"):
+        track_scene(
+            write_video(tmp_path / name, seconds=3),
+            tmp_path / "scene",
+            TrackOptions(camera, name="gate"),
+            Silent(),
+        )
+    scene = Scene.open(tmp_path / "scene")
+    assert len(scene.runs) == 2
+    assert len(np.unique(scene.tracks().track)) == 6
+
+
+@pytest.mark.parametrize(("shift", "moved"), [(0, False), (24, True)])
+def test_a_camera_that_moved_since_it_was_calibrated_is_refused(
+    tmp_path, camera, detector, shift, moved
+):
+    cv2.imwrite(str(camera.with_name("background.jpg")), ground(shift))
+    detector()
+    video = write_video(tmp_path / "yard.avi")
+    if moved:
+        with pytest.raises(InputError, match=r"has moved by 2\d px since the camera was calib"):
+            track_scene(video, tmp_path / "scene", TrackOptions(camera), Silent())
+        assert not list((tmp_path / "scene").rglob("*.parquet"))
+    else:
+        assert not track_scene(video, tmp_path / "scene", TrackOptions(camera), Silent()).warnings
+
+
+def test_footage_of_another_size_is_refused(tmp_path, camera, detector):
+    detector()
+    video = write_video(tmp_path / "small.avi", seconds=1, size=(320, 240))
+    with pytest.raises(InputError, match="is 320x240, but the camera was calibrated on 640x480"):
+        track_scene(video, tmp_path / "scene", TrackOptions(camera), Silent())
+
+
+def test_annotations_without_a_clock_are_refused(tmp_path, camera):
+    boxes = tmp_path / "boxes.txt"
+    boxes.write_text(mot_text(tracks=True))
+    with pytest.raises(InputError, match=r"boxes.txt: frames need times.*--fps"):
+        track_scene(None, tmp_path / "scene", TrackOptions(camera, annotations=boxes), Silent())
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [({"rate_hz": 0.0}, "rate"), ({"fps": -1.0}, "fps"), ({"person_height_m": 9.0}, "person_h")],
+)
+def test_impossible_options_are_refused(changed, message):
+    with pytest.raises(InputError, match=message):
+        TrackOptions("camera.json", **changed)
+
+
+def test_a_lens_is_no_camera(tmp_path):
+    lens = tmp_path / "lens.json"
+    lens.write_text(json.dumps({"K": CAMERA.K.tolist(), "image_size": list(SIZE)}))
+    with pytest.raises(InputError, match=r"lens.json"):
+        track_scene(tmp_path / "x.avi", tmp_path / "scene", TrackOptions(lens), Silent())
+
+
+def test_what_stands_before_a_car_hides_its_wheels():
+    found = detections(0)
+    boxes = np.array([[100, 100, 200, 200], [150, 120, 210, 260], [300, 100, 400, 200.0]])
+    found = type(found).from_boxes(SIZE, np.array([0, 0, 1]), boxes)
+    assert bottoms_hidden(found).tolist() == [True, False, False]
+    apart = type(found).from_boxes(SIZE, np.array([0, 1, 2]), boxes)
+    assert not bottoms_hidden(apart).any(), "other frames hide nothing"
