@@ -23,8 +23,8 @@ PROMISED = {
         "--estimate-focal --frames --seed --drop-invalid --json"
     ),
     "track": (
-        "--camera --out --annotations --rate --fps --drop-invalid --name --start --person-height "
-        "--json"
+        "--camera --out --annotations --detector --rate --fps --drop-invalid --name --start "
+        "--person-height --json"
     ),
     "evaluate pets": "--data --out --json",
     "evaluate towncentre": "--data --out --json",

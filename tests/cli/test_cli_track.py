@@ -82,6 +82,7 @@ def test_a_scene_on_the_earth(run, tracked, tmp_path, camera):
         (["--camera", "CAMERA", "no.avi"], 1, "no.avi"),
         (["--camera", "CAMERA", "no.avi", "--start", "noon"], 2, "is no time"),
         (["--camera", "CAMERA", "no.avi", "--rate", "0"], 1, "rate"),
+        (["--camera", "CAMERA", "no.avi", "--detector", "none"], 1, "no.avi"),
     ],
 )
 def test_bad_input_is_one_clear_line(run, scene, tmp_path, arguments, code, message):

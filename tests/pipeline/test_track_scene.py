@@ -14,7 +14,7 @@ from scene4d.errors import InputError
 from scene4d.model import Tracks
 from scene4d.perception.objects import ObjectDetector
 from scene4d.pipeline import Silent
-from scene4d.pipeline.tracking import TrackOptions, sampling, track_scene
+from scene4d.pipeline.tracking import TrackOptions, sampling, sketch, track_scene
 from scene4d.pipeline.tracking.placing import bottoms_hidden
 from scene4d.scene.query import Scene
 
@@ -210,3 +210,18 @@ def test_what_stands_before_a_car_hides_its_wheels():
     assert bottoms_hidden(found).tolist() == [True, False, False]
     apart = type(found).from_boxes(SIZE, np.array([0, 1, 2]), boxes)
     assert not bottoms_hidden(apart).any(), "other frames hide nothing"
+
+
+def test_the_picture_of_a_long_run_stays_small(tmp_path, camera, monkeypatch):
+    monkeypatch.setattr(sketch, "MOST_ROWS", 60)
+    boxes = tmp_path / "boxes.txt"
+    boxes.write_text(mot_text(tracks=True))
+    options = TrackOptions(camera, annotations=boxes, fps=float(FPS))
+    kept = []
+    draw = sketch.Sketch.draw
+    monkeypatch.setattr(
+        sketch.Sketch, "draw", lambda self, *a: kept.append(self._rows) or draw(self, *a)
+    )
+    run = track_scene(None, tmp_path / "scene", options, Silent())
+    assert run.picture.stat().st_size > 10_000
+    assert 20 < kept[0] <= 60 < run.rows

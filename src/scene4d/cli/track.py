@@ -62,6 +62,16 @@ def track(
             rich_help_panel=_WATCHING,
         ),
     ] = 10.0,
+    detector: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE",
+            help="Another detector for people and vehicles: a registered name, or an ONNX file "
+            "of the YOLOX layout with the classes of COCO.",
+            rich_help_panel=_WATCHING,
+            show_default=False,
+        ),
+    ] = None,
     fps: Annotated[
         float | None,
         typer.Option(
@@ -139,6 +149,7 @@ def track(
         fps=fps,
         person_height_m=height_m,
         drop_invalid=drop_invalid,
+        detector=detector,
     )
     with shown() as progress:
         run = track_scene(source, out, options, progress)
@@ -180,3 +191,5 @@ def _finish(run: "TrackRun", *, as_json: bool) -> None:
         for warning in run.warnings:
             console.print(f"Warning  {warning}", style="yellow")
         console.print(f"\nScene    {run.scene}", soft_wrap=True)
+        if run.picture is not None:
+            console.print(f"Picture  {run.picture}", soft_wrap=True)

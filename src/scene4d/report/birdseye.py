@@ -48,10 +48,10 @@ def draw_birdseye(calibration: Calibration, image_bgr: np.ndarray | None = None)
         return None
     area = with_camera(walked, camera)
     view = rectify(camera, area, image_bgr)
-    fig, axes = _axes(area)
-    _ground(axes, view)
-    handles = [*_viewed(axes, camera, view), *_footprints(axes, xy, used, segments.track)]
-    handles += _camera(axes, camera, area)
+    fig, axes = ground_axes(area)
+    show_ground(axes, view)
+    handles = [*viewed(axes, camera, view), *_footprints(axes, xy, used, segments.track)]
+    handles += camera_mark(axes, camera, area)
     style.legend_below(fig, handles, 0.28)
     return style.png(fig)
 
@@ -104,7 +104,8 @@ def _lattice(area: Area, columns: int, rows: int) -> Float[np.ndarray, "n 3"]:
     return np.column_stack([xx.ravel(), yy.ravel(), np.zeros(xx.size)])
 
 
-def _axes(area: Area) -> tuple[Figure, Axes]:
+def ground_axes(area: Area) -> tuple[Figure, Axes]:
+    """A figure whose axes are metres on the ground, with a grid."""
     left, right, bottom, top = 0.72, 0.2, 1.05, 0.2
     room = style.WIDTH_IN - left - right
     scale = min(room / area.width, 7.6 / area.depth)
@@ -130,7 +131,8 @@ def _axes(area: Area) -> tuple[Figure, Axes]:
     return fig, axes
 
 
-def _ground(axes: Axes, view: Rectified) -> None:
+def show_ground(axes: Axes, view: Rectified) -> None:
+    """The rectified picture, where the camera sees ground."""
     area = view.area
     rgba = np.empty((*view.seen.shape, 4), np.uint8)
     rgba[..., :3] = 200 if view.image_rgb is None else view.image_rgb
@@ -139,7 +141,7 @@ def _ground(axes: Axes, view: Rectified) -> None:
     axes.imshow(rgba, extent=extent, aspect="auto", interpolation="antialiased", zorder=1)
 
 
-def _viewed(axes: Axes, camera: Camera, view: Rectified) -> list[Any]:
+def viewed(axes: Axes, camera: Camera, view: Rectified) -> list[Any]:
     """Outline of the ground in view, and the wedge from the camera to its sides."""
     seen = view.seen
     ground = _lattice(view.area, seen.shape[1], seen.shape[0])
@@ -207,7 +209,8 @@ def _dots(
     return [Line2D([], [], ls="", marker=marker, ms=6, c=colour, mec="white", mew=0.5, label=label)]
 
 
-def _camera(axes: Axes, camera: Camera, area: Area) -> list[Any]:
+def camera_mark(axes: Axes, camera: Camera, area: Area) -> list[Any]:
+    """Where the camera hangs, or which way it is; handles for the legend."""
     x, y = camera.centre_m[:2]
     if area.x_min <= x <= area.x_max and area.y_min <= y <= area.y_max:
         axes.scatter(x, y, s=110, marker="^", c=style.INK, ec="white", lw=1.0, zorder=5)

@@ -15,8 +15,10 @@ DEFAULT_RATE_HZ = 10.0
 class TrackOptions:
     """What a user may say about a scene; the names are those of the command line.
 
-    ``name`` is what the camera is called in the scene (by default the name of the footage),
-    ``start`` when the footage began (UTC), ``rate_hz`` how many pictures per second are looked at.
+    ``detector`` is the name of a registered detector, or an ONNX file of the YOLOX layout, for
+    people and vehicles both; by default there is one for each. ``name`` is what the camera is
+    called in the scene (by default the name of the footage), ``start`` when the footage began
+    (UTC), ``rate_hz`` how many pictures per second are looked at.
     """
 
     camera: str | Path
@@ -27,6 +29,7 @@ class TrackOptions:
     fps: float | None = None
     person_height_m: float | None = None
     drop_invalid: bool = False
+    detector: str | Path | None = None
     max_gap_s: float = 2.0
 
     def __post_init__(self) -> None:
@@ -54,6 +57,7 @@ class TrackRun:
     begin_s: float = float("nan")
     end_s: float = float("nan")
     resumed: int = 0
+    picture: Path | None = None
     warnings: list[str] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
 
@@ -69,6 +73,7 @@ class TrackRun:
             "begin_s": self.begin_s if self.rows else None,
             "end_s": self.end_s if self.rows else None,
             "resumed_chunks": self.resumed,
+            "picture": None if self.picture is None else str(self.picture),
             "warnings": self.warnings,
             "timings_s": self.timings,
         }

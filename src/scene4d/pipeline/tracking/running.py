@@ -17,10 +17,13 @@ from scene4d.pipeline.tracking.options import TrackOptions, TrackRun
 from scene4d.pipeline.tracking.sampling import CHUNK_S
 
 if TYPE_CHECKING:
+    from scene4d.perception.objects import ObjectDetector
     from scene4d.pipeline.tracking.following import Look
+    from scene4d.pipeline.tracking.sketch import Sketch
     from scene4d.scene.log import DetectionLog
     from scene4d.video.frames import Source
 
+FIGURES = "figures"
 LOGS = "detections"
 """Folder in a scene for what the detectors saw; it may be removed once a run is complete."""
 
@@ -95,7 +98,6 @@ def _watched(
     progress: Progress,
 ) -> tuple[Iterator["Look"], dict[str, Any]]:
     """Detect what the log lacks, and give back what it holds."""
-    from scene4d.perception.objects import ObjectDetector
     from scene4d.pipeline.tracking.looking import looks_of_log
     from scene4d.pipeline.tracking.watching import watch_into
     from scene4d.pipeline.watching import fetch_weights, person_px
@@ -106,7 +108,9 @@ def _watched(
         fetch_weights(progress, vehicles=True)
         camera, height_m = calibration.camera, _height(calibration, options)
         assert camera is not None
-        objects = ObjectDetector.default().expecting(lambda rows: person_px(camera, rows, height_m))
+        objects = _detector(options.detector).expecting(
+            lambda rows: person_px(camera, rows, height_m)
+        )
         watch_into(log, footage, objects, options, run, progress)
         for stage, seconds in objects.timings.items():
             run.timings[stage] = seconds
@@ -114,6 +118,21 @@ def _watched(
     else:
         run.resumed = log.complete
     return looks_of_log(log), settings
+
+
+def _detector(chosen: str | Path | None) -> "ObjectDetector":
+    """The detectors for people and vehicles; raises :class:`InputError` for an unknown name."""
+    from scene4d.perception.objects import ObjectDetector
+
+    if chosen is None:
+        return ObjectDetector.default()
+    from scene4d.perception.detectors import make_detector
+    from scene4d.perception.detectors.onnx_yolox import OnnxYoloxDetector
+    from scene4d.perception.keypoints import KeypointEstimator
+
+    is_file = str(chosen).lower().endswith(".onnx")
+    one = OnnxYoloxDetector(Path(chosen)) if is_file else make_detector(str(chosen))
+    return ObjectDetector(one, KeypointEstimator())
 
 
 def _log(run: TrackRun, settings: dict[str, Any]) -> "DetectionLog":
@@ -138,6 +157,7 @@ def log_settings(
         "modified_ns": None if there is None else there.st_mtime_ns,
         "image_size": list(footage.image_size),
         "rate_hz": options.rate_hz,
+        "detector": None if options.detector is None else str(options.detector),
         "chunk_s": CHUNK_S,
         "camera": hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest(),
         "person_height_m": options.person_height_m,
@@ -160,12 +180,14 @@ def _write(
     progress: Progress,
 ) -> None:
     from scene4d.pipeline.tracking.following import Follower
+    from scene4d.pipeline.tracking.sketch import Sketch
     from scene4d.scene.smoothing import SmoothingSettings
     from scene4d.scene.store import SceneWriter
 
     settings = SmoothingSettings(max_gap_s=options.max_gap_s)
     follower = Follower(calibration, _height(calibration, options), settings, run)
     counted: dict[int, str] = {}
+    sketch = Sketch()
     writer = SceneWriter(
         run.scene,
         camera=run.camera,
@@ -177,18 +199,26 @@ def _write(
     with progress.stage("Placing and following", None), writer:
         for look in looks:
             for tracks in follower.follow(look):
-                _put(writer, tracks, counted, run)
-        _put(writer, follower.finish(), counted, run)
+                _put(writer, tracks, counted, sketch, run)
+        _put(writer, follower.finish(), counted, sketch, run)
         with timed(run.timings, "write"):
             writer.close()
     run.tracks = dict(Counter(counted.values()).most_common())
+    assert calibration.camera is not None
+    with timed(run.timings, "draw"), progress.stage("Drawing", None):
+        picture = run.scene / FIGURES / f"{run.run}.png"
+        if sketch.draw(picture, calibration.camera, Path(options.camera)):
+            run.picture = picture
 
 
-def _put(writer: Any, tracks: Tracks, counted: dict[int, str], run: TrackRun) -> None:
+def _put(
+    writer: Any, tracks: Tracks, counted: dict[int, str], sketch: "Sketch", run: TrackRun
+) -> None:
     if not len(tracks):
         return
     with timed(run.timings, "write"):
         writer.write(tracks)
+    sketch.add(tracks)
     run.rows += len(tracks)
     run.begin_s = float(np.fmin(run.begin_s, tracks.time_s.min()))
     run.end_s = float(np.fmax(run.end_s, tracks.time_s.max()))

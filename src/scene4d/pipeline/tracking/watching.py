@@ -96,7 +96,7 @@ class ViewMonitor:
         self._within = MotionMonitor(source.image_size)
         self._since = MotionMonitor(source.image_size)
         self._run = run
-        self._calibrated = _calibrated_view(background, source.image_size)
+        self._calibrated = calibrated_view(background, source.image_size)
         if self._calibrated is None:
             run.warnings.append(
                 f"There is no {background.name} beside the camera file, so whether the camera has "
@@ -126,7 +126,7 @@ class ViewMonitor:
             )
 
 
-def _calibrated_view(path: Path, image_size: tuple[int, int]) -> np.ndarray | None:
+def calibrated_view(path: Path, image_size: tuple[int, int]) -> np.ndarray | None:
     """The scene as it was calibrated, or None where nobody kept it or its size is another."""
     if not path.is_file():
         return None

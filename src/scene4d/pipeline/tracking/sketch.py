@@ -1,0 +1,60 @@
+"""The picture of a run: a thinned copy of its paths, of bounded size, drawn at the end."""
+
+from pathlib import Path
+
+import numpy as np
+
+from scene4d.model import Camera, Tracks, write_bytes
+from scene4d.pipeline.writing import BACKGROUND
+
+MOST_ROWS = 40_000
+"""So many positions are drawn at most: beyond, every second one is forgotten."""
+
+
+class Sketch:
+    """Collects positions as they come."""
+
+    def __init__(self) -> None:
+        self._step = 1
+        self._parts: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
+        self._rows = 0
+
+    def add(self, tracks: Tracks) -> None:
+        """Rows with a position, thinned."""
+        rows = np.flatnonzero(np.isfinite(tracks.xy_m[:, 0]) & (tracks.frame % self._step == 0))
+        part = (tracks.track, tracks.class_name, tracks.time_s, tracks.xy_m)
+        self._parts.append(tuple(column[rows] for column in part))  # type: ignore[arg-type]
+        self._rows += len(rows)
+        while self._rows > MOST_ROWS:
+            self._step *= 2
+            self._parts = [tuple(c[::2] for c in part) for part in self._parts]  # type: ignore[misc]
+            self._rows = sum(len(part[0]) for part in self._parts)
+
+    def draw(self, path: Path, camera: Camera, camera_file: Path) -> bool:
+        """Write the picture; false where nobody has a position.
+
+        The background that ``calibrate`` keeps beside the camera file is used where it is there.
+        """
+        from scene4d.report.scene_map import draw_scene_map
+
+        if not self._rows:
+            return False
+        track, name, time_s, xy = (np.concatenate(c) for c in zip(*self._parts, strict=True))
+        order = np.lexsort([time_s, track])
+        track, name, xy = track[order], name[order], xy[order]
+        starts = np.flatnonzero(np.diff(track, prepend=-1))
+        paths = {
+            int(t): (str(n), part)
+            for t, n, part in zip(
+                track[starts], name[starts], np.split(xy, starts[1:]), strict=True
+            )
+        }
+        from scene4d.pipeline.tracking.watching import calibrated_view
+
+        image = calibrated_view(camera_file.with_name(BACKGROUND), camera.image_size)
+        content = draw_scene_map(camera, paths, image)
+        if content is None:
+            return False
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(path, content)
+        return True
