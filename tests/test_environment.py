@@ -29,9 +29,22 @@ def constraints() -> list[str]:
     return (ROOT / "constraints.txt").read_text().splitlines()
 
 
+def project() -> dict:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def names_of(requirements: list[str]) -> set[str]:
+    return {normal(re.match(r"[\w.-]+", line)[0]) for line in requirements}
+
+
 def declared() -> set[str]:
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    return {normal(re.match(r"[\w.-]+", line)[0]) for line in project["dependencies"]}
+    return names_of(project()["dependencies"])
+
+
+def extras() -> set[str]:
+    return {
+        name for lines in project()["optional-dependencies"].values() for name in names_of(lines)
+    }
 
 
 def test_one_opencv_without_a_display_owns_cv2():
@@ -69,7 +82,7 @@ def test_every_third_party_import_is_declared_and_every_dependency_imported():
         for module in imported_modules(ast.parse(path.read_text(encoding="utf-8"))):
             if module.partition(".")[0] not in sys.stdlib_module_names | {"scene4d"}:
                 imported |= owners(module)
-    assert imported == declared()
+    assert declared() <= imported <= declared() | extras()
 
 
 def imported_modules(tree: ast.Module) -> set[str]:

@@ -40,7 +40,7 @@ def test_ctrl_c_while_people_are_watched(networks, pets, tmp_path):
         command, stdout=subprocess.PIPE, stderr=terminal, env=environment, text=True
     ) as process:
         os.close(terminal)
-        seen = read_until(screen, rb"Watching people.*[1-9]%")
+        seen = read_until(screen, rb"Watching people.*[1-9][0-9]*%")
         assert b"Watching people" in seen, seen
         process.send_signal(signal.SIGINT)
         seen += read_until(screen, rb"interrupted")
