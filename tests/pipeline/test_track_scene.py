@@ -14,7 +14,7 @@ from scene4d.errors import InputError
 from scene4d.model import Tracks
 from scene4d.perception.objects import ObjectDetector
 from scene4d.pipeline import Silent
-from scene4d.pipeline.tracking import TrackOptions, sampling, sketch, track_scene
+from scene4d.pipeline.tracking import TrackOptions, counting, sampling, sketch, track_scene
 from scene4d.pipeline.tracking.placing import bottoms_hidden
 from scene4d.scene.query import Scene
 
@@ -225,3 +225,27 @@ def test_the_picture_of_a_long_run_stays_small(tmp_path, camera, monkeypatch):
     run = track_scene(None, tmp_path / "scene", options, Silent())
     assert run.picture.stat().st_size > 10_000
     assert 20 < kept[0] <= 60 < run.rows
+
+
+def test_tracks_are_counted_without_remembering_all():
+    def rows(track, time_s, name="person"):
+        n = len(track)
+        nothing, square = np.full(n, np.nan), np.full((n, 2, 2), np.nan)
+        return Tracks(
+            track=np.array(track, np.int64), class_name=np.full(n, name), time_s=np.array(time_s, float),
+            frame=np.arange(n), xy_m=np.full((n, 2), np.nan), covariance_m2=square,
+            shared_covariance_m2=square, velocity_mps=np.full((n, 2), np.nan),
+            velocity_covariance=square, heading_rad=nothing, heading_sigma_rad=nothing,
+            box_xyxy=np.full((n, 4), np.nan), keypoint_uv=np.empty((n, 0, 2)),
+            keypoint_score=np.empty((n, 0)), score=nothing, observed=np.ones(n, bool),
+        )  # fmt: skip
+
+    count = counting.TrackCount()
+    count.add(rows([1, 1, 2], [0, 1, 1]))
+    count.add(rows([2, 3], [2, 2], "car"))
+    count.add(rows([], []))
+    assert count.by_class() == {"person": 2, "car": 1}
+    for hour in range(1, 50):
+        count.add(rows([10 + hour], [3600 * hour]))
+    assert count.by_class()["person"] == 51
+    assert len(count._last_s) == 1

@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 
 from scene4d.model import VEHICLES, Calibration, Camera, Detections, Located, Tracks
 from scene4d.pipeline.progress import timed
+from scene4d.pipeline.tracking.counting import FORGET_S
 from scene4d.pipeline.tracking.options import TrackRun
 from scene4d.pipeline.tracking.placing import place, shared_covariance
 from scene4d.scene.association import GroundTracker
@@ -52,7 +53,7 @@ class Follower:
         self._smoother = FixedLagSmoother(settings)
         self._held: list[tuple[int, Detections, Located]] = []  # with the number of the first row
         self._rows = 0
-        self._headings: dict[int, float] = {}
+        self._headings: dict[int, tuple[float, float]] = {}  # last heading in motion, and when
 
     def follow(self, look: Look) -> Iterator[Tracks]:
         """Add some frames."""
@@ -145,6 +146,8 @@ class Follower:
 
     def _forget(self, until_s: float) -> None:
         self._held = [part for part in self._held if (part[1].time_s > until_s).any()]
+        oldest = until_s - FORGET_S
+        self._headings = {t: seen for t, seen in self._headings.items() if seen[1] >= oldest}
 
     def _tracks(self, final: Smoothed) -> Tracks:
         """Smooth rows with what was seen at each of them."""
@@ -186,9 +189,9 @@ class Follower:
         for row in np.flatnonzero(axis | moving):
             track = int(final.track[row])
             if moving[row]:
-                self._headings[track] = float(heading[row])
+                self._headings[track] = float(heading[row]), float(final.time_s[row])
             elif track in self._headings:
-                turned = np.cos(heading[row] - self._headings[track]) < 0
+                turned = np.cos(heading[row] - self._headings[track][0]) < 0
                 heading[row] = np.angle(np.exp(1j * (heading[row] + np.pi * turned)))
             else:
                 sigma[row] = np.nan

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
@@ -18,6 +17,7 @@ from scene4d.pipeline.tracking.sampling import CHUNK_S
 
 if TYPE_CHECKING:
     from scene4d.perception.objects import ObjectDetector
+    from scene4d.pipeline.tracking.counting import TrackCount
     from scene4d.pipeline.tracking.following import Look
     from scene4d.pipeline.tracking.sketch import Sketch
     from scene4d.scene.log import DetectionLog
@@ -179,6 +179,7 @@ def _write(
     run: TrackRun,
     progress: Progress,
 ) -> None:
+    from scene4d.pipeline.tracking.counting import TrackCount
     from scene4d.pipeline.tracking.following import Follower
     from scene4d.pipeline.tracking.sketch import Sketch
     from scene4d.scene.smoothing import SmoothingSettings
@@ -186,8 +187,7 @@ def _write(
 
     settings = SmoothingSettings(max_gap_s=options.max_gap_s)
     follower = Follower(calibration, _height(calibration, options), settings, run)
-    counted: dict[int, str] = {}
-    sketch = Sketch()
+    count, sketch = TrackCount(), Sketch()
     writer = SceneWriter(
         run.scene,
         camera=run.camera,
@@ -199,11 +199,11 @@ def _write(
     with progress.stage("Placing and following", None), writer:
         for look in looks:
             for tracks in follower.follow(look):
-                _put(writer, tracks, counted, sketch, run)
-        _put(writer, follower.finish(), counted, sketch, run)
+                _put(writer, tracks, count, sketch, run)
+        _put(writer, follower.finish(), count, sketch, run)
         with timed(run.timings, "write"):
             writer.close()
-    run.tracks = dict(Counter(counted.values()).most_common())
+    run.tracks = count.by_class()
     assert calibration.camera is not None
     with timed(run.timings, "draw"), progress.stage("Drawing", None):
         picture = run.scene / FIGURES / f"{run.run}.png"
@@ -211,9 +211,7 @@ def _write(
             run.picture = picture
 
 
-def _put(
-    writer: Any, tracks: Tracks, counted: dict[int, str], sketch: "Sketch", run: TrackRun
-) -> None:
+def _put(writer: Any, tracks: Tracks, count: "TrackCount", sketch: "Sketch", run: TrackRun) -> None:
     if not len(tracks):
         return
     with timed(run.timings, "write"):
@@ -222,5 +220,4 @@ def _put(
     run.rows += len(tracks)
     run.begin_s = float(np.fmin(run.begin_s, tracks.time_s.min()))
     run.end_s = float(np.fmax(run.end_s, tracks.time_s.max()))
-    track, row = np.unique(tracks.track, return_index=True)
-    counted.update(zip(track.tolist(), tracks.class_name[row].tolist(), strict=True))
+    count.add(tracks)
