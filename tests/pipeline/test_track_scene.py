@@ -1,61 +1,37 @@
 """``track_scene``: from footage or annotations to a scene on disk, killed and resumed."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from walks import CAMERA, CAR, FPS, SECONDS, SIZE, detections, ground, mot_text, places, write_video
+from walks import (
+    CAMERA,
+    CAR,
+    FPS,
+    SECONDS,
+    SIZE,
+    detections,
+    ground,
+    mot_text,
+    places,
+    write_video,
+)
 
 from scene4d.errors import InputError
 from scene4d.model import Tracks
-from scene4d.perception.objects import ObjectDetector
 from scene4d.pipeline import Silent
-from scene4d.pipeline.tracking import TrackOptions, counting, sampling, sketch, track_scene
+from scene4d.pipeline.tracking import (
+    TrackOptions,
+    counting,
+    sampling,
+    sketch,
+    track_scene,
+)
 from scene4d.pipeline.tracking.placing import bottoms_hidden
 from scene4d.scene.query import Scene
-
-
-class Perfect:
-    """A detector that knows the answer; it stops working after some frames."""
-
-    def __init__(self, until: int | None = None) -> None:
-        self.timings = {"detect people": 0.0}
-        self.seen: list[int] = []
-        self.until = until
-
-    def expecting(self, _):
-        return self
-
-    def look(self, frame):
-        if self.until is not None and frame.index >= self.until:
-            raise KeyboardInterrupt
-        self.seen.append(frame.index)
-        found = detections(frame.index)
-        found = replace(found, time_s=np.full(len(found), frame.time_s))
-        return found, np.full((len(found), 4), 0.25, np.float32)
-
-
-@pytest.fixture
-def detector(monkeypatch):
-    def use(until: int | None = None) -> Perfect:
-        made = Perfect(until)
-        monkeypatch.setattr(ObjectDetector, "default", lambda **_: made)
-        monkeypatch.setattr("scene4d.pipeline.watching.fetch_weights", lambda *_, **__: None)
-        return made
-
-    return use
-
-
-@pytest.fixture
-def camera(tmp_path: Path) -> Path:
-    path = tmp_path / "camera" / "camera.json"
-    path.parent.mkdir()
-    CAMERA.save(path)
-    return path
 
 
 def tracked(scene: Path) -> Tracks:
@@ -232,7 +208,8 @@ def test_tracks_are_counted_without_remembering_all():
         n = len(track)
         nothing, square = np.full(n, np.nan), np.full((n, 2, 2), np.nan)
         return Tracks(
-            track=np.array(track, np.int64), class_name=np.full(n, name), time_s=np.array(time_s, float),
+            track=np.array(track, np.int64), class_name=np.full(n, name),
+            time_s=np.array(time_s, float),
             frame=np.arange(n), xy_m=np.full((n, 2), np.nan), covariance_m2=square,
             shared_covariance_m2=square, velocity_mps=np.full((n, 2), np.nan),
             velocity_covariance=square, heading_rad=nothing, heading_sigma_rad=nothing,

@@ -69,14 +69,21 @@ def ground(shift: int = 0) -> np.ndarray:
     return np.ascontiguousarray(image[:, 64 - shift : 64 - shift + SIZE[0]])
 
 
-def write_video(path: Path, *, seconds: int = SECONDS, size: tuple[int, int] = SIZE) -> Path:
+def write_video(
+    path: Path,
+    *,
+    seconds: int = SECONDS,
+    size: tuple[int, int] = SIZE,
+    shifts: list[int] | None = None,
+) -> Path:
+    """The empty ground, moved to the right by some pixels from frame to frame."""
     with av.open(str(path), "w") as container:
         stream = container.add_stream("mpeg4", rate=FPS)
         stream.width, stream.height = size
         stream.pix_fmt = "yuv420p"
         stream.bit_rate = 4_000_000
-        picture = ground()[: size[1], : size[0]]
-        for _ in range(FPS * seconds):
+        for shift in shifts or [0] * (FPS * seconds):
+            picture = np.ascontiguousarray(ground(shift)[: size[1], : size[0]])
             frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))

@@ -79,7 +79,9 @@ class Outcome:
             error = reference.score(found.camera)
         except InputError as failure:
             return cls(setting, height, found, str(failure))
-        predicted, near = reference.predicted_m(found), reference.near(found)
+        known = bool(found.parameter_covariance.any())  # a given camera says nothing of its errors
+        predicted = reference.predicted_m(found) if known else None
+        near = reference.near(found)
         return cls(setting, height, found, None, error, predicted, near)
 
     def to_dict(self) -> dict[str, Any]:

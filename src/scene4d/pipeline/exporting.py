@@ -51,7 +51,10 @@ def export_scene(
     names = [one.run for one in everything.runs]
     if run is None and len(names) > 1:
         raise InputError(f"{scene}: holds {len(names)} runs, name one: {', '.join(names)}")
-    return write_scene(_pieces(everything.only(run or names[0]), anchor), out, to)
+    chosen = everything.only(run or names[0])
+    if not len(chosen):
+        raise InputError(f"{scene}: run {chosen.runs[0].run!r} is empty: nobody was tracked")
+    return write_scene(_pieces(chosen, anchor), out, to)
 
 
 def is_scene(path: Path) -> bool:
@@ -62,6 +65,7 @@ def is_scene(path: Path) -> bool:
 def _pieces(scene: "Scene", points: Sequence[GroundPoint]) -> "Iterator[SceneTable]":
     """The run in stretches of time."""
     from scene4d.formats.scenes import SceneTable
+    from scene4d.scene.store import with_keypoints
 
     (run,) = scene.runs
     camera = Camera.load(scene.camera_file(run.camera))
@@ -70,14 +74,14 @@ def _pieces(scene: "Scene", points: Sequence[GroundPoint]) -> "Iterator[SceneTab
     begin = min(part.begin_s for part in run.parts)
     end = max(part.end_s for part in run.parts)
     while begin <= end:
-        tracks = scene.tracks(begin=begin, end=begin + STRETCH_S)
+        tracks = with_keypoints(scene.tracks(begin=begin, end=begin + STRETCH_S), run.keypoints)
         begin += STRETCH_S
         yield SceneTable(
             tracks,
             camera=run.camera,
             image_size=camera.image_size,
             start_utc=start if run.start_known else None,
-            keypoint_names=HALPE26[: tracks.keypoint_uv.shape[1]],
+            keypoint_names=HALPE26[: run.keypoints],
             geo=geo,
         )
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
 from scene4d.model import Camera
@@ -39,26 +40,31 @@ def draw_scene_map(
     fig, axes = ground_axes(area)
     show_ground(axes, view)
     handles = viewed(axes, camera, view)
-    counted: dict[tuple[str, str], int] = {}
-    for name, xy in paths.values():
-        if len(xy):
-            look = _LOOKS.get(name, _OTHER)
-            _path(axes, xy, look[0])
-            counted[look] = counted.get(look, 0) + 1
-    handles += [_handle(colour, f"{count} {label}") for (colour, label), count in counted.items()]
+    for look, group in _by_look(paths).items():
+        _draw(axes, group, look[0])
+        handles.append(_handle(look[0], f"{len(group)} {look[1]}"))
     handles += camera_mark(axes, camera, area)
     style.legend_below(fig, handles, 0.28)
     return style.png(fig)
 
 
-def _path(axes: Axes, xy: Float[np.ndarray, "n 2"], colour: str) -> None:
-    """A line that ends in a dot; a dot alone for what stands."""
-    if np.ptp(xy, axis=0).max() > STANDING_M:
-        axes.plot(
-            xy[:, 0], xy[:, 1], color=colour, lw=1.3, alpha=0.85, zorder=3,
-            path_effects=style.halo(2.2, "#FFFFFF"),
-        )  # fmt: skip
-    style.scatter(axes, xy[-1:], s=26, c=colour, ec="white", lw=0.8, zorder=4)
+def _by_look(
+    paths: Mapping[int, tuple[str, np.ndarray]],
+) -> dict[tuple[str, str], list[np.ndarray]]:
+    groups: dict[tuple[str, str], list[np.ndarray]] = {}
+    for name, xy in paths.values():
+        if len(xy):
+            groups.setdefault(_LOOKS.get(name, _OTHER), []).append(xy)
+    return groups
+
+
+def _draw(axes: Axes, group: list[np.ndarray], colour: str) -> None:
+    """Lines that end in dots; dots alone for what stands."""
+    moving = [xy for xy in group if np.ptp(xy, axis=0).max() > STANDING_M]
+    axes.add_collection(LineCollection(moving, colors="white", linewidths=2.6, zorder=3))
+    axes.add_collection(LineCollection(moving, colors=colour, linewidths=1.3, zorder=3))
+    ends = np.array([xy[-1] for xy in group])
+    style.scatter(axes, ends, s=26, c=colour, ec="white", lw=0.8, zorder=4)
 
 
 def _handle(colour: str, label: str) -> Any:

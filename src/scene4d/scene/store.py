@@ -230,7 +230,7 @@ class SceneWriter:
     def _flush(self) -> None:
         if not self._buffered:
             return
-        tracks = Tracks.concatenate([_with_keypoints(t, self._run.keypoints) for t in self._buffer])
+        tracks = Tracks.concatenate([with_keypoints(t, self._run.keypoints) for t in self._buffer])
         self._buffer, self._buffered = [], 0
         tracks = tracks.select(np.lexsort((tracks.track, tracks.time_s)))
         times = time_ns(tracks.time_s, self._run.start_ns).astype("datetime64[ns]")
@@ -351,8 +351,8 @@ def _as_stored(tracks: Tracks) -> Tracks:
     return replace(tracks, keypoint_uv=uv, keypoint_score=score)
 
 
-def _with_keypoints(tracks: Tracks, k: int) -> Tracks:
-    """Rows without a skeleton beside rows with one."""
+def with_keypoints(tracks: Tracks, k: int) -> Tracks:
+    """Rows without a skeleton as rows of one with ``k`` keypoints that are not seen."""
     n = len(tracks)
     if tracks.keypoint_uv.shape[1] == k:
         return tracks

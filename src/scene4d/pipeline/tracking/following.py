@@ -4,13 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from scene4d.model import VEHICLES, Calibration, Camera, Detections, Located, Tracks
 from scene4d.pipeline.progress import timed
 from scene4d.pipeline.tracking.counting import FORGET_S
 from scene4d.pipeline.tracking.options import TrackRun
-from scene4d.pipeline.tracking.placing import place, shared_covariance
+from scene4d.pipeline.tracking.placing import bottoms_hidden, place, shared_covariance
 from scene4d.scene.association import GroundTracker
 from scene4d.scene.fixed_lag import FixedLagSmoother
 from scene4d.scene.sightings import Sightings
@@ -40,14 +40,13 @@ class Follower:
         self,
         calibration: Calibration,
         person_height_m: float,
-        settings: SmoothingSettings,
         run: TrackRun,
     ) -> None:
         assert calibration.camera is not None
         self._calibration = calibration
         self._camera: Camera = calibration.camera
         self._person_height_m = person_height_m
-        self._settings = settings
+        self._settings = settings = SmoothingSettings()
         self._run = run
         self._tracker = GroundTracker()
         self._smoother = FixedLagSmoother(settings)
@@ -59,11 +58,12 @@ class Follower:
         """Add some frames."""
         timings = self._run.timings
         with timed(timings, "place"):
-            located = place(look.detections, self._camera, self._person_height_m)
+            hidden = bottoms_hidden(look.detections)
+            located = place(look.detections, self._camera, self._person_height_m, hidden)
         with timed(timings, "associate"):
             track = self._associate(look, located)
         with timed(timings, "place"):
-            located = self._with_headings(look, located, track)
+            located = self._with_headings(look, located, track, hidden)
         self._run.without_position += int((~located.known).sum())
         begins = np.searchsorted(look.detections.frame, look.frame)
         ends = np.searchsorted(look.detections.frame, look.frame, side="right")
@@ -109,7 +109,13 @@ class Follower:
             )
         return track
 
-    def _with_headings(self, look: Look, located: Located, track: Int[np.ndarray, "n"]) -> Located:
+    def _with_headings(
+        self,
+        look: Look,
+        located: Located,
+        track: Int[np.ndarray, "n"],
+        hidden: Bool[np.ndarray, "n"],
+    ) -> Located:
         """Vehicles placed again with the heading of their motion, where they move."""
         d = look.detections
         moving = np.isin(d.class_name, VEHICLES) & located.known
@@ -137,6 +143,7 @@ class Follower:
             d.select(known),
             self._camera,
             self._person_height_m,
+            hidden[known],
             heading_rad=heading[known],
             heading_sigma_rad=sigma[known],
         )
@@ -193,6 +200,7 @@ class Follower:
             elif track in self._headings:
                 turned = np.cos(heading[row] - self._headings[track][0]) < 0
                 heading[row] = np.angle(np.exp(1j * (heading[row] + np.pi * turned)))
+                self._headings[track] = float(heading[row]), float(final.time_s[row])
             else:
                 sigma[row] = np.nan
         return heading, sigma

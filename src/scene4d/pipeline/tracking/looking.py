@@ -2,15 +2,18 @@
 
 import warnings
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scene4d.errors import InputError
+from scene4d.model import Detections
 from scene4d.pipeline.tracking.following import Look
 from scene4d.pipeline.tracking.options import TrackOptions, TrackRun
 from scene4d.pipeline.tracking.placing import known_classes
+from scene4d.scene.schema import RUN_TRACKS
 
 if TYPE_CHECKING:
     from scene4d.scene.log import DetectionLog
@@ -32,11 +35,11 @@ def looks_of_annotations(
     options: TrackOptions,
     run: TrackRun,
 ) -> Iterator[Look]:
-    """The annotated frames at the rate asked for. Frames between the first and the last without
-    any box were looked at, and nobody was there.
+    """The annotated frames at the rate asked for, read at once and given out piece by piece.
 
-    Raises :class:`InputError` where the frame rate is not known, and as
-    :func:`.read_annotations`.
+    In each slot of the rate the first annotated frame is taken; a slot without any was looked at,
+    and nobody was there. Raises :class:`InputError` where the frame rate is not known or a track
+    is twice in a frame, and as :func:`.read_annotations`.
     """
     from scene4d.formats.annotations import read_annotations
 
@@ -53,12 +56,46 @@ def looks_of_annotations(
         run.warnings.append(f"{path}: {others} boxes of other classes were left out.")
     if not len(found):
         run.warnings.append(f"{path}: holds no person and no vehicle.")
-        return
-    everything = np.arange(int(found.frame.min()), int(found.frame.max()) + 1)
-    slot = np.floor(everything / fps * options.rate_hz + 1e-6)
-    frames = everything[np.diff(slot, prepend=slot[0] - 1) > 0]
+        return iter(())
+    found = _one_kind_of_tracks(found, path, run)
+    frames = _slots(found.frame, fps, options.rate_hz)
     found = found.select(np.isin(found.frame, frames))
-    found = found.select(np.argsort(found.frame, kind="stable"))
+    return _pieces(found.select(np.argsort(found.frame, kind="stable")), frames, fps)
+
+
+def _one_kind_of_tracks(found: Detections, path: Path, run: TrackRun) -> Detections:
+    """Tracks for all boxes or for none; raises where a track is in a frame twice."""
+    if (found.track < 0).any():
+        if (found.track >= 0).any():
+            run.warnings.append(f"{path}: some boxes have no track, so all are tracked anew.")
+        return replace(found, track=np.full(len(found), -1))
+    pairs, counts = np.unique(
+        np.column_stack([found.frame, found.track]), axis=0, return_counts=True
+    )
+    if (counts > 1).any():
+        frame, track = pairs[int(np.argmax(counts > 1))].tolist()
+        raise InputError(
+            f"{path}: track {track} has {counts.max()} boxes in frame {frame} (from 0); a track is "
+            "one object: give each its own number, or -1 to all"
+        )
+    if found.track.max() >= RUN_TRACKS:
+        raise InputError(
+            f"{path}: track {found.track.max()} is too large a number; expected up to "
+            f"{RUN_TRACKS - 1}"
+        )
+    return found
+
+
+def _slots(annotated: np.ndarray, fps: float, rate_hz: float) -> np.ndarray:
+    """Frames to look at: in each 1/rate of a second the first annotated one, else the first."""
+    everything = np.arange(int(annotated.min()), int(annotated.max()) + 1)
+    slot = np.floor(everything / fps * rate_hz + 1e-6)
+    order = np.lexsort([everything, ~np.isin(everything, annotated), slot])
+    first = np.diff(slot[order], prepend=slot[0] - 1) > 0
+    return np.asarray(everything[order][first])
+
+
+def _pieces(found: Detections, frames: np.ndarray, fps: float) -> Iterator[Look]:
     for begin in range(0, len(frames), FRAMES_PER_LOOK):
         some = frames[begin : begin + FRAMES_PER_LOOK]
         rows = np.arange(*np.searchsorted(found.frame, [some[0], some[-1] + 1]))

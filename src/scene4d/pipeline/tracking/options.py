@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from scene4d.errors import InputError
+from scene4d.model import Calibration
 
 DEFAULT_RATE_HZ = 10.0
 """Pictures looked at per second: people and cars move little in a tenth of one."""
@@ -30,7 +31,6 @@ class TrackOptions:
     person_height_m: float | None = None
     drop_invalid: bool = False
     detector: str | Path | None = None
-    max_gap_s: float = 2.0
 
     def __post_init__(self) -> None:
         """Refuse before any work is done what cannot work; raises :class:`InputError`."""
@@ -42,6 +42,10 @@ class TrackOptions:
             raise InputError(
                 f"person_height_m must lie in 0.5 to 2.5 metres, found {self.person_height_m}"
             )
+
+    def height_m(self, calibration: Calibration) -> float:
+        """Mean height of the people: what is said here, or what the calibration assumed."""
+        return self.person_height_m or calibration.person_height_m
 
 
 @dataclass

@@ -25,11 +25,15 @@ def place(
     detections: Detections,
     camera: Camera,
     person_height_m: float,
+    bottom_hidden: Bool[np.ndarray, "n"],
     *,
     heading_rad: Float[np.ndarray, "n"] | None = None,
     heading_sigma_rad: Float[np.ndarray, "n"] | None = None,
 ) -> Located:
-    """Ground positions of people and vehicles; headings, where told, are those of vehicles."""
+    """Ground positions of people and vehicles; headings, where told, are those of vehicles.
+
+    ``bottom_hidden`` is that of :func:`bottoms_hidden`, in frames with all that was seen.
+    """
     found = Located.nowhere(len(detections))
     people = detections.class_name == "person"
     if people.any():
@@ -45,7 +49,7 @@ def place(
             heading_sigma_rad=heading_sigma_rad[vehicles]
             if told and heading_sigma_rad is not None
             else None,
-            bottom_hidden=bottoms_hidden(detections)[vehicles],
+            bottom_hidden=bottom_hidden[vehicles],
         )
         found = found.put(vehicles, located)
     return found

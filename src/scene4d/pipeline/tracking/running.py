@@ -1,9 +1,9 @@
 """``track_scene``: the stages of a scene, one after the other."""
 
-import hashlib
-import json
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,20 +12,18 @@ import numpy as np
 from scene4d.errors import InputError
 from scene4d.model import GIVEN, Calibration, Tracks, read_json
 from scene4d.pipeline.progress import Progress, timed
+from scene4d.pipeline.tracking.counting import TrackCount
+from scene4d.pipeline.tracking.detecting import log_settings, watched
+from scene4d.pipeline.tracking.naming import run_name, shown_name
 from scene4d.pipeline.tracking.options import TrackOptions, TrackRun
-from scene4d.pipeline.tracking.sampling import CHUNK_S
+from scene4d.pipeline.tracking.sketch import Sketch
 
 if TYPE_CHECKING:
-    from scene4d.perception.objects import ObjectDetector
-    from scene4d.pipeline.tracking.counting import TrackCount
     from scene4d.pipeline.tracking.following import Look
-    from scene4d.pipeline.tracking.sketch import Sketch
-    from scene4d.scene.log import DetectionLog
+    from scene4d.scene.store import SceneWriter
     from scene4d.video.frames import Source
 
 FIGURES = "figures"
-LOGS = "detections"
-"""Folder in a scene for what the detectors saw; it may be removed once a run is complete."""
 
 
 def track_scene(
@@ -33,8 +31,9 @@ def track_scene(
 ) -> TrackRun:
     """Follow people and vehicles through footage of a calibrated camera, and write the scene.
 
-    ``source`` is a video or a stream, None with annotations. A run that was killed goes on after
-    its last complete chunk of footage, and its result is that of a run that was not. Raises
+    ``source`` is a video or a stream, None with annotations. A run over a video that was killed
+    goes on after its last complete chunk of footage, and its result is that of a run that was not.
+    A stream is watched until it ends or Ctrl-C is pressed; each time is a run of its own. Raises
     :class:`InputError` for bad input (a camera that moved is one), :class:`UnavailableError` where
     weights cannot be had, and :class:`OutputError` where the scene cannot be written.
     """
@@ -43,25 +42,25 @@ def track_scene(
     calibration = read_calibration(options.camera)
     made_here = calibration.method != GIVEN
     described = read_json(options.camera) if made_here else calibration.to_dict()
-    if source is None and options.annotations is None:
+    seen = options.annotations if source is None else source
+    if seen is None:
         raise InputError("nothing to track: give a SOURCE, or --annotations FILE")
-    seen = Path(str(options.annotations)) if source is None else Path(str(source))
-    run = TrackRun(Path(scene), options.name or seen.stem, _run_name(seen))
     with ExitStack() as opened:
         footage = None if source is None else opened.enter_context(_footage(source, calibration))
+        if footage is not None and footage.timeline is None and options.start is None:
+            options = replace(options, start=datetime.now(UTC))
+        run = TrackRun(Path(scene), options.name or shown_name(seen), run_name(seen, options.start))
         if options.annotations is not None:
             looks, provenance = _annotated(footage, calibration, options, run)
+            with _writer(run, described, options, provenance) as writer:
+                _write(writer, looks, calibration, options, run, progress)
         else:
             assert footage is not None
-            looks, provenance = _watched(footage, described, calibration, options, run, progress)
-        _write(looks, provenance, calibration, described, options, run, progress)
+            settings = log_settings(footage, described, options)
+            with _writer(run, described, options, settings) as writer:
+                looks = watched(footage, settings, calibration, options, run, progress)
+                _write(writer, looks, calibration, options, run, progress)
     return run
-
-
-def _run_name(seen: Path) -> str:
-    """The footage's name, and a mark that tells it from others of the same name."""
-    place = str(seen) if "://" in str(seen) else str(seen.resolve())
-    return f"{seen.stem}-{hashlib.sha256(place.encode()).hexdigest()[:6]}"
 
 
 def _footage(source: str | Path, calibration: Calibration) -> "Source":
@@ -89,106 +88,12 @@ def _annotated(
     return looks, {"annotations": str(path), "fps": fps, "rate_hz": options.rate_hz}
 
 
-def _watched(
-    footage: "Source",
-    described: dict[str, Any],
-    calibration: Calibration,
-    options: TrackOptions,
-    run: TrackRun,
-    progress: Progress,
-) -> tuple[Iterator["Look"], dict[str, Any]]:
-    """Detect what the log lacks, and give back what it holds."""
-    from scene4d.pipeline.tracking.looking import looks_of_log
-    from scene4d.pipeline.tracking.watching import watch_into
-    from scene4d.pipeline.watching import fetch_weights, person_px
-
-    settings = log_settings(footage, described, options)
-    log = _log(run, settings)
-    if not log.finished:
-        fetch_weights(progress, vehicles=True)
-        camera, height_m = calibration.camera, _height(calibration, options)
-        assert camera is not None
-        objects = _detector(options.detector).expecting(
-            lambda rows: person_px(camera, rows, height_m)
-        )
-        watch_into(log, footage, objects, options, run, progress)
-        for stage, seconds in objects.timings.items():
-            run.timings[stage] = seconds
-        run.warnings.extend(footage.warnings)
-    else:
-        run.resumed = log.complete
-    return looks_of_log(log), settings
-
-
-def _detector(chosen: str | Path | None) -> "ObjectDetector":
-    """The detectors for people and vehicles; raises :class:`InputError` for an unknown name."""
-    from scene4d.perception.objects import ObjectDetector
-
-    if chosen is None:
-        return ObjectDetector.default()
-    from scene4d.perception.detectors import make_detector
-    from scene4d.perception.detectors.onnx_yolox import OnnxYoloxDetector
-    from scene4d.perception.keypoints import KeypointEstimator
-
-    is_file = str(chosen).lower().endswith(".onnx")
-    one = OnnxYoloxDetector(Path(chosen)) if is_file else make_detector(str(chosen))
-    return ObjectDetector(one, KeypointEstimator())
-
-
-def _log(run: TrackRun, settings: dict[str, Any]) -> "DetectionLog":
-    from scene4d.scene.log import DetectionLog
-
-    return DetectionLog(run.scene / LOGS / run.run, settings)
-
-
-def log_settings(
-    footage: "Source", described: dict[str, Any], options: TrackOptions
-) -> dict[str, Any]:
-    """All that detections depend on."""
-    from importlib.metadata import version
-
-    from scene4d.perception.weights import WEIGHTS
-
-    path = Path(footage.name)
-    there = path.stat() if path.is_file() else None
-    return {
-        "source": footage.name,
-        "bytes": None if there is None else there.st_size,
-        "modified_ns": None if there is None else there.st_mtime_ns,
-        "image_size": list(footage.image_size),
-        "rate_hz": options.rate_hz,
-        "detector": None if options.detector is None else str(options.detector),
-        "chunk_s": CHUNK_S,
-        "camera": hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest(),
-        "person_height_m": options.person_height_m,
-        "weights": {weight.name: weight.sha256 for weight in WEIGHTS},
-        "software": f"scene4d {version('scene4d')}",
-    }
-
-
-def _height(calibration: Calibration, options: TrackOptions) -> float:
-    return options.person_height_m or calibration.person_height_m
-
-
-def _write(
-    looks: Iterable["Look"],
-    provenance: dict[str, Any],
-    calibration: Calibration,
-    described: dict[str, Any],
-    options: TrackOptions,
-    run: TrackRun,
-    progress: Progress,
-) -> None:
-    from scene4d.pipeline.tracking.counting import TrackCount
-    from scene4d.pipeline.tracking.following import Follower
-    from scene4d.pipeline.tracking.sketch import Sketch
-    from scene4d.scene.smoothing import SmoothingSettings
+def _writer(
+    run: TrackRun, described: dict[str, Any], options: TrackOptions, provenance: dict[str, Any]
+) -> "SceneWriter":
     from scene4d.scene.store import SceneWriter
 
-    settings = SmoothingSettings(max_gap_s=options.max_gap_s)
-    follower = Follower(calibration, _height(calibration, options), settings, run)
-    count, sketch = TrackCount(), Sketch()
-    writer = SceneWriter(
+    return SceneWriter(
         run.scene,
         camera=run.camera,
         run=run.run,
@@ -196,7 +101,21 @@ def _write(
         camera_json=described,
         provenance=provenance,
     )
-    with progress.stage("Placing and following", None), writer:
+
+
+def _write(
+    writer: "SceneWriter",
+    looks: Iterable["Look"],
+    calibration: Calibration,
+    options: TrackOptions,
+    run: TrackRun,
+    progress: Progress,
+) -> None:
+    from scene4d.pipeline.tracking.following import Follower
+
+    follower = Follower(calibration, options.height_m(calibration), run)
+    count, sketch = TrackCount(), Sketch()
+    with progress.stage("Placing and following", None):
         for look in looks:
             for tracks in follower.follow(look):
                 _put(writer, tracks, count, sketch, run)
@@ -211,13 +130,15 @@ def _write(
             run.picture = picture
 
 
-def _put(writer: Any, tracks: Tracks, count: "TrackCount", sketch: "Sketch", run: TrackRun) -> None:
+def _put(
+    writer: "SceneWriter", tracks: Tracks, count: TrackCount, sketch: Sketch, run: TrackRun
+) -> None:
     if not len(tracks):
         return
     with timed(run.timings, "write"):
         writer.write(tracks)
+    count.add(tracks)
     sketch.add(tracks)
     run.rows += len(tracks)
     run.begin_s = float(np.fmin(run.begin_s, tracks.time_s.min()))
     run.end_s = float(np.fmax(run.end_s, tracks.time_s.max()))
-    count.add(tracks)

@@ -16,19 +16,23 @@ class Sketch:
 
     def __init__(self) -> None:
         self._step = 1
-        self._parts: list[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]] = []
+        self._parts: list[list[np.ndarray]] = []  # track, class, time, position
         self._rows = 0
 
     def add(self, tracks: Tracks) -> None:
         """Rows with a position, thinned."""
         rows = np.flatnonzero(np.isfinite(tracks.xy_m[:, 0]) & (tracks.frame % self._step == 0))
-        part = (tracks.track, tracks.class_name, tracks.time_s, tracks.xy_m)
-        self._parts.append(tuple(column[rows] for column in part))  # type: ignore[arg-type]
+        if not len(rows):
+            return
+        columns = (tracks.track, tracks.class_name, tracks.time_s, tracks.xy_m)
+        self._parts.append([column[rows] for column in columns])
         self._rows += len(rows)
-        while self._rows > MOST_ROWS:
-            self._step *= 2
-            self._parts = [tuple(c[::2] for c in part) for part in self._parts]  # type: ignore[misc]
-            self._rows = sum(len(part[0]) for part in self._parts)
+        if self._rows > MOST_ROWS:
+            whole = [np.concatenate(c) for c in zip(*self._parts, strict=True)]
+            while len(whole[0]) > MOST_ROWS:
+                self._step *= 2
+                whole = [c[::2] for c in whole]
+            self._parts, self._rows = [whole], len(whole[0])
 
     def draw(self, path: Path, camera: Camera, camera_file: Path) -> bool:
         """Write the picture; false where nobody has a position.

@@ -1,10 +1,12 @@
 """Looking at footage, once: what the detectors see goes into a log that survives a kill."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Int
 
 from scene4d.errors import InputError
 from scene4d.model import Detections
@@ -42,11 +44,13 @@ def watch_into(
     done = run.resumed = log.complete
     total = None
     if source.timeline is not None:
-        chosen = chosen_frames(source, options.rate_hz)
-        total = sum(map(len, chunks_of(source, chosen)[done:]))
+        chunks = chunks_of(source, chosen_frames(source, options.rate_hz))
+        total = sum(map(len, chunks[done:]))
+        if done:
+            monitor.resume(source, np.concatenate(chunks[:done]))
     seen: list[Moment] = []
     chunk = done
-    with progress.stage("Watching people and vehicles", total) as step:
+    with progress.stage("Watching people and vehicles", total) as step, until_interrupted(source):
         frames = timed_frames(numbered_frames(source, options.rate_hz, done), run)
         for number, frame in frames:
             while number > chunk:
@@ -62,6 +66,16 @@ def watch_into(
     if seen:
         log.append(chunk, _logged(seen, source.image_size))
     log.finish()
+
+
+@contextmanager
+def until_interrupted(source: "Source") -> Iterator[None]:
+    """Ctrl-C ends the watching of a stream, which has no other end; elsewhere it ends the run."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if source.timeline is not None:
+            raise
 
 
 def timed_frames(frames: Iterator[Numbered], run: TrackRun) -> Iterator[Numbered]:
@@ -108,10 +122,19 @@ class ViewMonitor:
     def add(self, image_bgr: np.ndarray, time_s: float) -> None:
         """Compare some of the frames."""
         if self._seen % CHECK_EVERY == 0:
-            self._within.add(image_bgr, time_s)
-            if self._calibrated is not None:
-                self._since.add(image_bgr, time_s)
+            self._compare(image_bgr, time_s)
         self._seen += 1
+
+    def resume(self, source: "Source", indices: Int[np.ndarray, "n"]) -> None:
+        """Compare again what an earlier run compared, so that it is judged alike."""
+        for frame in source.frames(indices[::CHECK_EVERY].tolist()):
+            self._compare(frame.image_bgr, frame.time_s)
+        self._seen = len(indices)
+
+    def _compare(self, image_bgr: np.ndarray, time_s: float) -> None:
+        self._within.add(image_bgr, time_s)
+        if self._calibrated is not None:
+            self._since.add(image_bgr, time_s)
 
     def check(self, name: str) -> None:
         """Raise :class:`InputError` where the view is another one."""
