@@ -81,7 +81,8 @@ def test_a_scene_on_the_earth(run, tracked, tmp_path, camera):
         (["--camera", "CAMERA", "--annotations", "BOXES"], 1, "--fps"),
         (["--camera", "CAMERA", "no.avi"], 1, "no.avi"),
         (["--camera", "CAMERA", "no.avi", "--start", "noon"], 2, "is no time"),
-        (["--camera", "CAMERA", "no.avi", "--rate", "0"], 1, "rate"),
+        (["--camera", "CAMERA", "no.avi", "--rate", "0"], 2, "--rate"),
+        (["--camera", "CAMERA", "no.avi", "--fps", "3"], 2, "--annotations"),
         (["--camera", "CAMERA", "no.avi", "--detector", "none"], 1, "no.avi"),
     ],
 )

@@ -169,3 +169,28 @@ def test_a_stretch_without_people_is_exported_with_the_others(tmp_path):
     assert len((tmp_path / "x.csv").read_text().splitlines()) == 3
     with pytest.raises(InputError, match="run 'empty' is empty"):
         export_scene(tmp_path / "s", tmp_path / "y.csv", "csv", run="empty")
+
+
+def test_annotations_of_other_footage_are_refused(tmp_path, camera):
+    video = write_video(tmp_path / "yard.avi", seconds=1)
+    path = boxes_file(tmp_path, [(frame, 1) for frame in range(20)])
+    with pytest.raises(InputError, match="annotates frame 19 .* has 10 frames"):
+        track_scene(video, tmp_path / "scene", TrackOptions(camera, annotations=path), Silent())
+    assert not (tmp_path / "scene").exists()
+
+
+def test_detections_and_annotations_of_one_clip_are_two_runs(tmp_path, camera, detector):
+    video = write_video(tmp_path / "yard.avi", seconds=2)
+    path = boxes_file(tmp_path, [(frame, 1) for frame in range(20)])
+    detector()
+    track_scene(video, tmp_path / "scene", TrackOptions(camera), Silent())
+    track_scene(video, tmp_path / "scene", TrackOptions(camera, annotations=path), Silent())
+    assert [run.rows for run in Scene.open(tmp_path / "scene").runs] == [60, 20]
+
+
+def test_a_single_picture_is_no_footage(tmp_path, camera):
+    import cv2
+
+    cv2.imwrite(str(tmp_path / "photo.png"), ground())
+    with pytest.raises(InputError, match="is a single picture"):
+        track_scene(tmp_path / "photo.png", tmp_path / "scene", TrackOptions(camera), Silent())

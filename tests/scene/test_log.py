@@ -153,7 +153,8 @@ def test_a_film_without_frames_is_finished(tmp_path):
 
 
 def test_other_settings_are_refused_by_name(tmp_path):
-    DetectionLog(tmp_path, SETTINGS)
+    DetectionLog(tmp_path, {"any": "other"})  # nothing was detected under these
+    DetectionLog(tmp_path, SETTINGS).append(0, logged(seen(4)))
     DetectionLog(tmp_path, SETTINGS | {"thresholds": [0.1, 0.5]})
     other = {"source": {"name": "a.avi", "size": 13}, "thresholds": [0.1, 0.5], "chunk": 50}
     with pytest.raises(InputError) as told:

@@ -89,6 +89,8 @@ def export(
     """
     from scene4d.pipeline.exporting import is_scene
 
+    if not what.exists():
+        raise InputError(f"{what}: is not there; give a camera file or the folder of a scene")
     if is_scene(what):
         _export_scene(what, to, out, run, anchor or [], as_json=as_json)
         return
@@ -121,6 +123,7 @@ def _export_scene(
             f"{to!r} is no format of scenes; known: {', '.join(known)}", param_hint="--to"
         )
     points = [parse_anchor(text) for text in anchor]
+    out.parent.mkdir(parents=True, exist_ok=True)
     files = export_scene(scene, out, to, run=run, anchor=points)
     if as_json:
         emit_json({"format": to, "out": [str(path) for path in files]})

@@ -58,6 +58,8 @@ def track(
         float,
         typer.Option(
             metavar="HZ",
+            min=0.01,
+            max=1000,
             help="Pictures looked at per second of footage.",
             rich_help_panel=_WATCHING,
         ),
@@ -76,6 +78,8 @@ def track(
         float | None,
         typer.Option(
             metavar="HZ",
+            min=0.01,
+            max=1000,
             help="Frames per second of --annotations, where there is no SOURCE to tell.",
             rich_help_panel=_WATCHING,
             show_default=False,
@@ -136,6 +140,10 @@ def track(
     """
     if source is None and annotations is None:
         raise typer.BadParameter("give footage, or --annotations", param_hint="SOURCE")
+    if fps is not None and annotations is None:
+        raise typer.BadParameter(
+            "is for --annotations; --rate says how often footage is looked at", param_hint="--fps"
+        )
     height_m = None if person_height is None else parse_person_height(person_height)
     from scene4d.cli.progress import shown
     from scene4d.pipeline.tracking import TrackOptions, track_scene
@@ -151,7 +159,9 @@ def track(
         drop_invalid=drop_invalid,
         detector=detector,
     )
-    with shown() as progress:
+    from scene4d.cli.folder import output_folder
+
+    with output_folder(out), shown() as progress:
         run = track_scene(source, out, options, progress)
     _finish(run, as_json=as_json)
 
@@ -165,6 +175,10 @@ def parse_start(text: str) -> datetime:
             f"{text!r} is no time; write it as 2026-11-20T08:00:00Z", param_hint="--start"
         ) from None
     return (time if time.tzinfo else time.replace(tzinfo=UTC)).astimezone(UTC)
+
+
+def _times(timings: dict[str, float]) -> str:
+    return ", ".join(f"{k} {v:.1f} s" for k, v in timings.items() if v >= 0.05)
 
 
 def _finish(run: "TrackRun", *, as_json: bool) -> None:
@@ -184,8 +198,8 @@ def _finish(run: "TrackRun", *, as_json: bool) -> None:
     if run.without_position:
         table.add_row("No position", f"{run.without_position:,} sightings without a ground point")
     if run.resumed:
-        table.add_row("Resumed", f"after {run.resumed} chunks of an earlier run")
-    table.add_row("Time taken", ", ".join(f"{k} {v:.1f} s" for k, v in run.timings.items()))
+        table.add_row("Resumed", "where an earlier run stopped, or was complete")
+    table.add_row("Time taken", _times(run.timings))
     with screen() as console:
         console.print(table)
         for warning in run.warnings:

@@ -36,7 +36,7 @@ class Claim:
             pid = _read(path).get("pid", "unknown")
             raise InputError(
                 f"{path.parent.parent}: run {run!r} is being written by process {pid}; wait for "
-                "it, or give this one another name"
+                "it to end"
             ) from error
         return cls(path, _read(path).get("track_base"), file)
 

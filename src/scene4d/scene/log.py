@@ -75,11 +75,11 @@ class DetectionLog:
         except OSError as error:
             raise OutputError(f"{self._folder}: cannot be written to: {error.strerror}") from error
         path = self._folder / "settings.json"
-        if path.name in names:
-            _check_settings(path, settings)
-        else:
-            write_json(path, {"schema": LOG_SCHEMA, "settings": settings})
         self._there = {int(match[1]) for match in map(_CHUNK.fullmatch, names) if match}
+        if path.name in names:
+            _check_settings(path, settings, binding=bool(self._there))
+        if not self._there:
+            write_json(path, {"schema": LOG_SCHEMA, "settings": settings})
         self._complete = 0
         self._count()
         self._check_finished()
@@ -157,11 +157,14 @@ class DetectionLog:
                 )
 
 
-def _check_settings(path: Path, settings: dict[str, Any]) -> None:
+def _check_settings(path: Path, settings: dict[str, Any], *, binding: bool) -> None:
+    """Refuse a log of another version, and other settings where anything was detected by them."""
     stored = read_json(path)
     schema = stored.get("schema") if isinstance(stored, dict) else None
     if schema != LOG_SCHEMA:
         raise InputError(f"{path}: schema is {schema!r}, expected {LOG_SCHEMA!r}")
+    if not binding:
+        return
     before, now = dict(_leaves(stored["settings"])), dict(_leaves(settings))
     differing = [
         f"{name} ({_shown(before, name)} there, {_shown(now, name)} now)"

@@ -177,7 +177,7 @@ class SceneWriter:
         if own is not None and own.camera != self._run.camera:
             raise InputError(
                 f"{self._folder}: run {own.run!r} is of camera {own.camera!r}, not of "
-                f"{self._run.camera!r}; give this one another name"
+                f"{self._run.camera!r}: give it that name again, or choose another folder"
             )
         claim = Claim.take(self._staging.with_name(f".{self._file_name}.claim"), self._run.run)
         try:

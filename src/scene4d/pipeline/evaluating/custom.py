@@ -11,6 +11,8 @@ from scene4d.evaluate import Evaluation, Outcome, Reference, Setting
 from scene4d.formats.cameras import read_calibration
 from scene4d.formats.homographies import read_reference
 from scene4d.formats.points import read_points
+from scene4d.pipeline.tracking.watching import calibrated_view
+from scene4d.pipeline.writing import BACKGROUND
 
 GRID = (48, 32)
 """Columns and rows of pixels that serve as points where none are given."""
@@ -53,7 +55,9 @@ def evaluate_custom(
     setting = Setting(Path(camera).name, found.method, given="")
     outcome = Outcome.scored(setting, found, known)
     note = f"The points are {known.n_points} spread over {of}."
-    return Evaluation("custom", known, (outcome,), notes=(note,))
+    beside = Path(camera).with_name(BACKGROUND)
+    image = calibrated_view(beside, found.image_size)
+    return Evaluation("custom", known, (outcome,), image_bgr=image, notes=(note,))
 
 
 def _grid(reference: Reference) -> Float[np.ndarray, "n 2"]:

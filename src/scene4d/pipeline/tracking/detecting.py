@@ -84,11 +84,15 @@ def log_settings(
         "rate_hz": options.rate_hz,
         "detector": _identity(options.detector),
         "chunk_s": CHUNK_S,
-        "camera": hashlib.sha256(json.dumps(described, sort_keys=True).encode()).hexdigest(),
+        "camera": f"{Path(options.camera).name} {_mark(described)}",
         "person_height_m": options.person_height_m,
         "weights": {weight.name: weight.sha256 for weight in WEIGHTS},
         "software": f"scene4d {version('scene4d')}",
     }
+
+
+def _mark(values: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def _is_onnx(chosen: str | Path) -> bool:

@@ -41,12 +41,14 @@ class Follower:
         calibration: Calibration,
         person_height_m: float,
         run: TrackRun,
+        *,
+        min_sightings: int = 1,
     ) -> None:
         assert calibration.camera is not None
         self._calibration = calibration
         self._camera: Camera = calibration.camera
         self._person_height_m = person_height_m
-        self._settings = settings = SmoothingSettings()
+        self._settings = settings = SmoothingSettings(min_sightings=min_sightings)
         self._run = run
         self._tracker = GroundTracker()
         self._smoother = FixedLagSmoother(settings)

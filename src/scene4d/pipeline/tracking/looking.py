@@ -34,11 +34,13 @@ def looks_of_annotations(
     fps: float | None,
     options: TrackOptions,
     run: TrackRun,
+    frame_count: int | None = None,
 ) -> Iterator[Look]:
     """The annotated frames at the rate asked for, read at once and given out piece by piece.
 
     In each slot of the rate the first annotated frame is taken; a slot without any was looked at,
-    and nobody was there. Raises :class:`InputError` where the frame rate is not known or a track
+    and nobody was there. ``frame_count`` is that of the footage, where it is known. Raises
+    :class:`InputError` where the frame rate is not known, a frame is not in the footage or a track
     is twice in a frame, and as :func:`.read_annotations`.
     """
     from scene4d.formats.annotations import read_annotations
@@ -57,6 +59,12 @@ def looks_of_annotations(
     if not len(found):
         run.warnings.append(f"{path}: holds no person and no vehicle.")
         return iter(())
+    last = int(found.frame.max())
+    if frame_count is not None and last >= frame_count:
+        raise InputError(
+            f"{path}: annotates frame {last} (from 0), but the footage has {frame_count} frames: "
+            "is it the annotation of this footage?"
+        )
     found = _one_kind_of_tracks(found, path, run)
     frames = _slots(found.frame, fps, options.rate_hz)
     found = found.select(np.isin(found.frame, frames))

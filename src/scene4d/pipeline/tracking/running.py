@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from scene4d.video.frames import Source
 
 FIGURES = "figures"
+GHOST_SIGHTINGS = 3
+"""What a detector sees less often is mostly nobody; annotated people are believed at once."""
 
 
 def track_scene(
@@ -49,7 +51,11 @@ def track_scene(
         footage = None if source is None else opened.enter_context(_footage(source, calibration))
         if footage is not None and footage.timeline is None and options.start is None:
             options = replace(options, start=datetime.now(UTC))
-        run = TrackRun(Path(scene), options.name or shown_name(seen), run_name(seen, options.start))
+        run = TrackRun(
+            Path(scene),
+            options.name or shown_name(seen),
+            run_name(options.annotations or seen, options.start),
+        )
         if options.annotations is not None:
             looks, provenance = _annotated(footage, calibration, options, run)
             with _writer(run, described, options, provenance) as writer:
@@ -67,6 +73,9 @@ def _footage(source: str | Path, calibration: Calibration) -> "Source":
     from scene4d.video.reader import open_source
 
     footage = open_source(source)
+    if footage.timeline is not None and len(footage.timeline) < 2:
+        footage.close()
+        raise InputError(f"{footage.name}: is a single picture, and a track needs several")
     if footage.image_size != calibration.image_size:
         footage.close()
         (w, h), (cw, ch) = footage.image_size, calibration.image_size
@@ -84,7 +93,8 @@ def _annotated(
 
     path = Path(str(options.annotations))
     fps = options.fps or (None if footage is None else footage.fps)
-    looks = looks_of_annotations(path, calibration.image_size, fps, options, run)
+    frames = None if footage is None else footage.frame_count
+    looks = looks_of_annotations(path, calibration.image_size, fps, options, run, frames)
     return looks, {"annotations": str(path), "fps": fps, "rate_hz": options.rate_hz}
 
 
@@ -113,7 +123,8 @@ def _write(
 ) -> None:
     from scene4d.pipeline.tracking.following import Follower
 
-    follower = Follower(calibration, options.height_m(calibration), run)
+    few = 1 if options.annotations is not None else GHOST_SIGHTINGS
+    follower = Follower(calibration, options.height_m(calibration), run, min_sightings=few)
     count, sketch = TrackCount(), Sketch()
     with progress.stage("Placing and following", None):
         for look in looks:

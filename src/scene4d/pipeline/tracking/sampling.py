@@ -8,7 +8,7 @@ from jaxtyping import Int
 from scene4d.errors import InputError
 from scene4d.video.frames import Frame, Source
 
-CHUNK_S = 30.0
+CHUNK_S = 10.0
 """Footage in one chunk: what is lost at most when a run is killed."""
 
 
