@@ -174,7 +174,7 @@ def test_a_stretch_without_people_is_exported_with_the_others(tmp_path):
 def test_annotations_of_other_footage_are_refused(tmp_path, camera):
     video = write_video(tmp_path / "yard.avi", seconds=1)
     path = boxes_file(tmp_path, [(frame, 1) for frame in range(20)])
-    with pytest.raises(InputError, match="annotates frame 19 .* has 10 frames"):
+    with pytest.raises(InputError, match=r"annotates frame 19 .* has 10 frames"):
         track_scene(video, tmp_path / "scene", TrackOptions(camera, annotations=path), Silent())
     assert not (tmp_path / "scene").exists()
 
