@@ -2,6 +2,7 @@
 
 import sys
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 
@@ -19,7 +20,9 @@ from scene4d.cli.output import say
 from scene4d.pipeline import Advance, Progress
 
 SLOW_S = 2.0
-"""A stage that takes longer is worth a line."""
+"""A stage that takes longer is worth a line, and ..."""
+REMIND_S = 30.0
+"""... another one every so often."""
 
 
 @contextmanager
@@ -62,19 +65,28 @@ class Bars:
 
 
 class Lines:
-    """A line when a stage has taken two seconds, for pipes and log files."""
+    """A line when a stage has taken two seconds, and every half minute, for pipes and log files."""
 
     def stage(self, title: str, total: int | None) -> AbstractContextManager[Advance]:
         """See :class:`scene4d.pipeline.Progress`."""
-        return _told_if_slow(title)
+        return _told_if_slow(title, total)
 
 
 @contextmanager
-def _told_if_slow(title: str) -> Iterator[Advance]:
+def _told_if_slow(title: str, total: int | None) -> Iterator[Advance]:
     timer = threading.Timer(SLOW_S, say, [f"scene4d: {title} ..."])
     timer.daemon = True
     timer.start()
+    done, told_s = 0, time.monotonic()
+
+    def advance(steps: int) -> None:
+        nonlocal done, told_s
+        done += steps
+        if time.monotonic() - told_s >= REMIND_S:
+            told_s = time.monotonic()
+            say(f"scene4d: {title}: {done}{'' if total is None else f' of {total}'}")
+
     try:
-        yield lambda steps: None
+        yield advance
     finally:
         timer.cancel()
