@@ -122,7 +122,7 @@ def test_smoothing_is_the_posterior_of_its_model(n, seed):
     spread = SPREAD * rng.uniform(0.2, 3.0, n)[:, None, None]
     xy[1:-1][rng.random(n - 2) < 0.3] = np.nan
     other = sightings(9, time_s, -xy[::-1])
-    both = Sightings.concatenate([other, sightings(4, time_s, xy, spread=spread)])
+    both = Sightings.joined([other, sightings(4, time_s, xy, spread=spread)])
     found = smooth(both, settings=replace(TRUSTING, max_gap_s=60.0, lag_s=60.0))
     mine = found.select(found.track == 4)
     mean, cov = dense(time_s, xy, spread)
@@ -142,7 +142,7 @@ def test_ellipses_hold_the_truth_as_often_as_they_say():
         parts.append(sightings(track, time_s, xy + errors(rng, time_s)))
         truth.append(xy)
         speeds.append(v)
-    found = smooth(Sightings.concatenate(parts), settings=TRUSTING)
+    found = smooth(Sightings.joined(parts), settings=TRUSTING)
     for error, cov in (
         (found.xy_m - np.concatenate(truth), found.covariance_m2),
         (found.velocity_mps - np.concatenate(speeds), found.velocity_covariance),
@@ -245,7 +245,7 @@ def test_a_parked_car_stays_put_and_drives_on():
     least = LASTING_SHARE * SPREAD[1, 1]
     assert 0.8 * least < found.covariance_m2[400, 1, 1] < 1.3 * least
     waiting = sightings(1, time_s[150:650], xy[150:650])
-    both = smooth(Sightings.concatenate([waiting, sightings(0, time_s, xy, "car")]))
+    both = smooth(Sightings.joined([waiting, sightings(0, time_s, xy, "car")]))
     assert not both.standing[both.track == 1].any()
 
 
@@ -261,7 +261,7 @@ def test_ghosts_are_left_out_and_the_usual_class_is_taken():
     time_s = 0.1 * np.arange(8)
     one = sightings(5, time_s, np.zeros((8, 2)), "car")
     one.class_name[[0, 3, 7]] = "bus"
-    rows = Sightings.concatenate([one, sightings(2, time_s[:2], np.ones((2, 2)))])
+    rows = Sightings.joined([one, sightings(2, time_s[:2], np.ones((2, 2)))])
     found = smooth(rows, settings=SmoothingSettings(min_sightings=3))
     assert (np.unique(found.track).tolist(), np.unique(found.class_name).tolist()) == ([5], ["car"])
     assert len(smooth(rows)) == 10
@@ -291,7 +291,7 @@ def street():
     parts.append(sightings(50, time_s, parked, "car"))
     moved = drive(time_s) + rng.multivariate_normal([0, 0], SPREAD, 900)
     parts.append(sightings(51, time_s, moved, "truck"))
-    rows = Sightings.concatenate(parts)
+    rows = Sightings.joined(parts)
     keep = rng.random(len(rows)) > 0.15
     keep &= ~((rows.track == 50) & (rows.frame > 300) & (rows.frame < 500))
     keep &= ~((rows.track == 1) & (rows.frame > 190) & (rows.frame < 207))
@@ -337,7 +337,7 @@ def test_a_stream_says_what_the_whole_says():
 def test_a_stream_does_not_remember_for_ever():
     clock = np.arange(3000)
     parked = sightings(7, 0.1 * clock, np.zeros((3000, 2)), "car")
-    passing = Sightings.concatenate(
+    passing = Sightings.joined(
         [
             sightings(
                 100 + k, 0.1 * (clock[:40] + 40 * k), np.ones((40, 2)), frame=clock[:40] + 40 * k
@@ -345,7 +345,7 @@ def test_a_stream_does_not_remember_for_ever():
             for k in range(75)
         ]
     )
-    rows = Sightings.concatenate([parked, passing])
+    rows = Sightings.joined([parked, passing])
     smoother, most, held = FixedLagSmoother(forget_s=20.0), 0, 0
     for frame in range(3000):
         smoother.update(0.1 * frame, frame, rows.select(rows.frame == frame))
@@ -358,7 +358,7 @@ def test_a_stream_does_not_remember_for_ever():
 def test_bad_input_is_named():
     good = sightings(3, [0.0, 0.1, 0.2], np.zeros((3, 2)))
     with pytest.raises(InputError, match=r"track 3 has frame 1 at 0\.1 s and then frame 1"):
-        smooth(Sightings.concatenate([good, good.select(np.array([1]))]))
+        smooth(Sightings.joined([good, good.select(np.array([1]))]))
     with pytest.raises(InputError, match="times that rise"):
         smooth(replace(good, time_s=np.array([0.0, 0.2, 0.1])))
     with pytest.raises(InputError, match="found class 'dog'"):

@@ -1,13 +1,13 @@
 """What the stages say about people in pictures: detections, and upright segments of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from scene4d.errors import InputError
+from scene4d.model.columns import Columns
 
 HALPE26: tuple[str, ...] = (
     "nose", "left_eye", "right_eye", "left_ear", "right_ear",
@@ -26,19 +26,8 @@ PERSON_HEIGHT_M = 1.70
 """Mean height of people, shoes included, where nothing else is said."""
 
 
-def _array_names(table: Any) -> list[str]:
-    return [f.name for f in fields(table) if isinstance(getattr(table, f.name), np.ndarray)]
-
-
-def _check_rows(table: Any, what: str) -> None:
-    n = len(table.frame)
-    for name in _array_names(table):
-        if len(getattr(table, name)) != n:
-            raise InputError(f"{what}: {name} has {len(getattr(table, name))} rows, not {n}")
-
-
 @dataclass(frozen=True, eq=False)
-class Detections:
+class Detections(Columns):
     """Boxes (and keypoints, where known) of one clip, one row per object and frame.
 
     Pixels of the footage as decoded (distorted). ``frame`` counts from 0, ``time_s`` is NaN where
@@ -58,7 +47,7 @@ class Detections:
     keypoint_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        _check_rows(self, "detections")
+        self.check_rows("detections")
         for name in ("keypoint_uv", "keypoint_score"):
             found = getattr(self, name).shape[1]
             if found != len(self.keypoint_names):
@@ -101,18 +90,11 @@ class Detections:
             keypoint_names=keypoint_names,
         )
 
-    def __len__(self) -> int:
-        return len(self.frame)
-
     @property
     def box_foot_uv(self) -> Float[np.ndarray, "n 2"]:
         """Bottom centres of the boxes: where they stand, as far as a box can tell."""
         x1, _, x2, y2 = self.box_xyxy.T
         return np.column_stack([(x1 + x2) / 2, y2])
-
-    def select(self, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> "Detections":
-        """The given rows, as a mask or as indices."""
-        return replace(self, **{name: getattr(self, name)[rows] for name in _array_names(self)})
 
     def without_keypoints(self) -> "Detections":
         """The boxes alone."""
@@ -134,14 +116,11 @@ class Detections:
             raise InputError("detections: the parts differ in image_size")
         if any(p.keypoint_names != first.keypoint_names for p in parts):
             raise InputError("detections: the parts differ in keypoint_names")
-        joined: dict[str, Any] = {
-            name: np.concatenate([getattr(p, name) for p in parts]) for name in _array_names(first)
-        }
-        return replace(first, **joined)
+        return cls.joined(parts)
 
 
 @dataclass(frozen=True, eq=False)
-class Segments:
+class Segments(Columns):
     """Upright people as foot and head points, one row per sighting; the calibrator's input.
 
     Pixels in the frame the caller states (undistorted for ``solve_camera``). ``foot_uv`` is the
@@ -159,7 +138,7 @@ class Segments:
     from_box: Bool[np.ndarray, "n"]
 
     def __post_init__(self) -> None:
-        _check_rows(self, "segments")
+        self.check_rows("segments")
 
     @classmethod
     def from_points(
@@ -183,10 +162,3 @@ class Segments:
             box_xyxy=np.full((n, 4), np.nan),
             from_box=np.full(n, from_box),
         )
-
-    def __len__(self) -> int:
-        return len(self.frame)
-
-    def select(self, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> "Segments":
-        """The given rows, as a mask or as indices."""
-        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)})

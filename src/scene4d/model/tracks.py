@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from scene4d.errors import InputError
+from scene4d.model.columns import Columns
 
 CLASSES: tuple[str, ...] = ("person", "bicycle", "motorcycle", "car", "truck", "bus", "vehicle")
 """What a scene holds, under the names of COCO; a ``vehicle`` is one of unknown kind."""
@@ -14,7 +15,7 @@ VEHICLES: tuple[str, ...] = CLASSES[1:]
 
 
 @dataclass(frozen=True, eq=False)
-class Located:
+class Located(Columns):
     """Where the rows of a :class:`Detections` table stand on the ground, (n, ...).
 
     ``xy_m`` is the middle of a person, the centroid of a vehicle; ``covariance_m2`` its
@@ -41,18 +42,11 @@ class Located:
             np.zeros(n, bool),
         )
 
-    def __len__(self) -> int:
-        return len(self.xy_m)
-
     @property
     def known(self) -> Bool[np.ndarray, "n"]:
         """Which rows have a ground point."""
         known: np.ndarray = np.isfinite(self.xy_m).all(axis=1)
         return known
-
-    def select(self, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> "Located":
-        """The given rows, as a mask or as indices."""
-        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     def put(self, rows: Bool[np.ndarray, "n"], found: "Located") -> "Located":
         """These rows with other values."""
@@ -65,7 +59,7 @@ class Located:
 
 
 @dataclass(frozen=True, eq=False)
-class Tracks:
+class Tracks(Columns):
     """Objects through time, one row per object and moment, ordered by (track, time).
 
     World of the camera: metres, Z up. ``time_s`` counts from the clip's start; ``frame`` from 0.
@@ -95,18 +89,7 @@ class Tracks:
     observed: Bool[np.ndarray, "n"]
 
     def __post_init__(self) -> None:
-        n = len(self.track)
-        for f in fields(self):
-            found = len(getattr(self, f.name))
-            if found != n:
-                raise InputError(f"tracks: {f.name} has {found} rows, not {n}")
-
-    def __len__(self) -> int:
-        return len(self.track)
-
-    def select(self, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> "Tracks":
-        """The given rows, as a mask or as indices."""
-        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+        self.check_rows("tracks")
 
     @classmethod
     def concatenate(cls, parts: Sequence["Tracks"]) -> "Tracks":
@@ -115,5 +98,4 @@ class Tracks:
             raise InputError("tracks: nothing to concatenate")
         if len({part.keypoint_uv.shape[1] for part in parts}) > 1:
             raise InputError("tracks: the parts differ in their keypoints")
-        names = (f.name for f in fields(cls))
-        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
+        return cls.joined(parts)

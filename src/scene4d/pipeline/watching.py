@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,16 +46,23 @@ def fetch_weights(progress: Progress, *, vehicles: bool = False) -> None:
 
 def annotated(options: Options, image_size: tuple[int, int], fps: float | None) -> Seen:
     """What an annotation file says was seen, instead of a detector."""
+    assert options.annotations is not None
+    detections, notes = noted_annotations(
+        options.annotations, image_size, fps, drop_invalid=options.drop_invalid
+    )
+    return Seen(detections, len(np.unique(detections.frame)), notes=notes)
+
+
+def noted_annotations(
+    path: str | Path, image_size: tuple[int, int], fps: float | None, *, drop_invalid: bool
+) -> tuple[Detections, list[str]]:
+    """The boxes of a file, and what its reader warns of, as sentences."""
     from scene4d.formats.annotations import read_annotations
 
-    assert options.annotations is not None
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        detections = read_annotations(
-            options.annotations, image_size=image_size, fps=fps, drop_invalid=options.drop_invalid
-        )
-    notes = [f"{str(w.message).rstrip('.?')}." for w in caught]
-    return Seen(detections, len(np.unique(detections.frame)), notes=notes)
+        found = read_annotations(path, image_size=image_size, fps=fps, drop_invalid=drop_invalid)
+    return found, [f"{str(w.message).rstrip('.?')}." for w in caught]
 
 
 def watch(

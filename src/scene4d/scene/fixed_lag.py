@@ -103,7 +103,7 @@ class FixedLagSmoother:
 
     def _release(self, until_s: float) -> Smoothed:
         s = self.settings
-        held = _none() if not self._sightings else Sightings.concatenate(self._sightings)
+        held = _none() if not self._sightings else Sightings.joined(self._sightings)
         clock = Clock.of(np.array(self._time_s), np.array(self._frame, np.int64))
         rows = smooth_rows(held, clock, self._memory, s)
         time = rows.moments.time_s

@@ -1,18 +1,18 @@
 """What the smoother reads, put in order: sightings, frames between them, states from before."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from scene4d.errors import InputError
+from scene4d.model.columns import Columns
 from scene4d.scene.motion_chain import Moments
 from scene4d.scene.motion_model import class_numbers
 
 
 @dataclass(frozen=True, eq=False)
-class Sightings:
+class Sightings(Columns):
     """Rows of associated detections, in any order. ``xy_m`` and ``covariance_m2`` (m², of one
     sighting, without the camera's own error) are NaN where a row has no ground point.
     """
@@ -25,10 +25,7 @@ class Sightings:
     covariance_m2: Float[np.ndarray, "n 2 2"]
 
     def __post_init__(self) -> None:
-        n = len(self.track)
-        for f in fields(self):
-            if len(getattr(self, f.name)) != n:
-                raise InputError(f"sightings: {f.name} has {len(getattr(self, f.name))} rows")
+        self.check_rows("sightings")
         if not np.isfinite(self.time_s).all():
             raise InputError("sightings: time_s must be finite; give frames a time first")
         known = np.isfinite(self.xy_m).all(axis=1)
@@ -41,19 +38,6 @@ class Sightings:
                 f"{self.frame[row]}) must be positive definite, found "
                 f"{self.covariance_m2[row].tolist()}"
             )
-
-    def __len__(self) -> int:
-        return len(self.track)
-
-    def select(self, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> "Sightings":
-        """The given rows, as a mask or as indices."""
-        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
-    @classmethod
-    def concatenate(cls, parts: Sequence["Sightings"]) -> "Sightings":
-        """One table of several; raises on an empty list."""
-        names = [f.name for f in fields(cls)]
-        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,12 +7,13 @@ neighbours counts less, and vehicles that stand are held in place.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from scene4d.errors import InputError
+from scene4d.model.columns import Columns
 from scene4d.model.tracks import CLASSES
 from scene4d.scene.motion_chain import Chain, Moments, Prior
 from scene4d.scene.motion_model import GROUP, PERSON_GROUP, class_numbers
@@ -49,7 +50,7 @@ class SmoothingSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Smoothed:
+class Smoothed(Columns):
     """Smooth tracks by (track, time). ``source`` is the row of the sightings, -1 where a gap is
     bridged (``observed`` false). ``class_name`` is the track's most frequent one. Positions are
     NaN where a sighting has no ground point and no neighbours within ``max_gap_s``. ``heading_rad``
@@ -69,13 +70,6 @@ class Smoothed:
     heading_sigma_rad: Float[np.ndarray, "n"]
     standing: Bool[np.ndarray, "n"]
     observed: Bool[np.ndarray, "n"]
-
-    def __len__(self) -> int:
-        return len(self.track)
-
-    def select(self, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> "Smoothed":
-        """The given rows, as a mask or as indices."""
-        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     @classmethod
     def concatenate(cls, parts: Sequence["Smoothed"]) -> "Smoothed":

@@ -15,6 +15,7 @@ from scene4d.scene.association import GroundTracker
 from scene4d.scene.fixed_lag import FixedLagSmoother
 from scene4d.scene.sightings import Sightings
 from scene4d.scene.smoothing import Smoothed, SmoothingSettings, smooth
+from scene4d.scene.vehicles import locate_vehicles
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +29,13 @@ class Look:
     time_s: Float[np.ndarray, "m"]
     detections: Detections
     appearance: np.ndarray | None = None
+
+    def frames(self) -> Iterator[tuple[int, float, Int[np.ndarray, "k"]]]:
+        """Number and time of each frame, and which rows are of it: they are ordered by frame."""
+        begins = np.searchsorted(self.detections.frame, self.frame)
+        ends = np.searchsorted(self.detections.frame, self.frame, side="right")
+        for frame, time_s, begin, end in zip(self.frame, self.time_s, begins, ends, strict=True):
+            yield int(frame), float(time_s), np.arange(begin, end)
 
 
 class Follower:
@@ -67,8 +75,6 @@ class Follower:
         with timed(timings, "place"):
             located = self._with_headings(look, located, track, hidden)
         self._run.without_position += int((~located.known).sum())
-        begins = np.searchsorted(look.detections.frame, look.frame)
-        ends = np.searchsorted(look.detections.frame, look.frame, side="right")
         seen = Sightings(
             track,
             look.detections.class_name,
@@ -79,13 +85,12 @@ class Follower:
         )
         self._held.append((self._rows, look.detections, located))
         self._rows += len(track)
-        for frame, time_s, begin, end in zip(look.frame, look.time_s, begins, ends, strict=True):
+        for frame, time_s, rows in look.frames():
             with timed(timings, "smooth"):
-                rows = np.arange(begin, end)
-                final = self._smoother.update(float(time_s), int(frame), seen.select(rows))
+                final = self._smoother.update(time_s, frame, seen.select(rows))
             if final is not None:
                 yield self._tracks(final)
-                self._forget(float(time_s) - self._settings.lag_s)
+                self._forget(time_s - self._settings.lag_s)
 
     def finish(self) -> Tracks:
         """All that is left."""
@@ -99,12 +104,9 @@ class Follower:
         if (detections.track >= 0).all():
             return detections.track
         track = np.empty(len(detections), np.int64)
-        begins = np.searchsorted(detections.frame, look.frame)
-        ends = np.searchsorted(detections.frame, look.frame, side="right")
-        for time_s, begin, end in zip(look.time_s, begins, ends, strict=True):
-            rows = np.arange(begin, end)
+        for _, time_s, rows in look.frames():
             track[rows] = self._tracker.update(
-                float(time_s),
+                time_s,
                 detections.select(rows),
                 located.select(rows),
                 None if look.appearance is None else look.appearance[rows].astype(float),
@@ -141,13 +143,12 @@ class Follower:
         known = np.isfinite(heading)
         if not known.any():
             return located
-        again = place(
+        again = locate_vehicles(
             d.select(known),
             self._camera,
-            self._person_height_m,
-            hidden[known],
             heading_rad=heading[known],
             heading_sigma_rad=sigma[known],
+            bottom_hidden=hidden[known],
         )
         better = known.copy()
         better[known] = again.known

@@ -1,6 +1,5 @@
 """Where looks come from: the log of what detectors saw, or a file of annotations."""
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +12,7 @@ from scene4d.model import Detections
 from scene4d.pipeline.tracking.following import Look
 from scene4d.pipeline.tracking.options import TrackOptions, TrackRun
 from scene4d.pipeline.tracking.placing import known_classes
+from scene4d.pipeline.watching import noted_annotations
 from scene4d.scene.schema import RUN_TRACKS
 
 if TYPE_CHECKING:
@@ -43,16 +43,10 @@ def looks_of_annotations(
     :class:`InputError` where the frame rate is not known, a frame is not in the footage or a track
     is twice in a frame, and as :func:`.read_annotations`.
     """
-    from scene4d.formats.annotations import read_annotations
-
     if fps is None:
         raise InputError(f"{path}: frames need times: give the footage, or --fps")
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        found = read_annotations(
-            path, image_size=image_size, fps=fps, drop_invalid=options.drop_invalid
-        )
-    run.warnings.extend(f"{str(w.message).rstrip('.?')}." for w in caught)
+    found, notes = noted_annotations(path, image_size, fps, drop_invalid=options.drop_invalid)
+    run.warnings.extend(notes)
     found, others = known_classes(found)
     if others:
         run.warnings.append(f"{path}: {others} boxes of other classes were left out.")

@@ -26,11 +26,8 @@ def place(
     camera: Camera,
     person_height_m: float,
     bottom_hidden: Bool[np.ndarray, "n"],
-    *,
-    heading_rad: Float[np.ndarray, "n"] | None = None,
-    heading_sigma_rad: Float[np.ndarray, "n"] | None = None,
 ) -> Located:
-    """Ground positions of people and vehicles; headings, where told, are those of vehicles.
+    """Ground positions of people and vehicles.
 
     ``bottom_hidden`` is that of :func:`bottoms_hidden`, in frames with all that was seen.
     """
@@ -41,15 +38,8 @@ def place(
         found = found.put(people, located)
     vehicles = np.isin(detections.class_name, VEHICLES)
     if vehicles.any():
-        told = heading_rad is not None and heading_sigma_rad is not None
         located = locate_vehicles(
-            detections.select(vehicles),
-            camera,
-            heading_rad=heading_rad[vehicles] if told and heading_rad is not None else None,
-            heading_sigma_rad=heading_sigma_rad[vehicles]
-            if told and heading_sigma_rad is not None
-            else None,
-            bottom_hidden=bottom_hidden[vehicles],
+            detections.select(vehicles), camera, bottom_hidden=bottom_hidden[vehicles]
         )
         found = found.put(vehicles, located)
     return found
