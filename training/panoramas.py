@@ -1,0 +1,163 @@
+"""Upright equirectangular pictures, their split, and perspective crops of them.
+
+The horizon is the middle row. Every crop's vertical field of view, tilt and roll are known exactly
+because we chose them.
+"""
+
+import csv
+import hashlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scene4d.geometry import rotation_from_tilt_roll
+
+CROP_SIZE = (192, 144)
+"""Width and height of what the network sees, pixels: 4:3."""
+SPLITS = ("train", "validation", "test")
+_SHARES = (0.72, 0.86)
+_NEIGHBOUR = re.compile(r"[\d_]*\d$")
+# Hands, helmets and a tripod under the camera, seen by eye: nothing below this is looked at.
+_LOWEST_RAD = {
+    "npm-marble360_house_landing": 0.6,
+    "npm-marble360_opera_house_night": 0.6,
+    "npm-pannellum-2-4-1_backyard": 0.9,
+    "pypi-geovisio_street1": 0.7,
+    "pypi-geovisio_street2": 0.7,
+    "pypi-geovisio_street3": 0.7,
+    "pypi-geovisio_street4": 0.7,
+}
+LOWEST_RAD = np.radians(75.0)
+"""The steepest ray of a crop below the horizon, elsewhere."""
+
+
+@dataclass(frozen=True, eq=False)
+class Panorama:
+    """Levels of an equirectangular picture, finest first, and how far down it may be looked."""
+
+    name: str
+    levels: tuple[np.ndarray, ...]
+    lowest_rad: float = LOWEST_RAD
+    outdoors: bool = True
+
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        picture_bgr: np.ndarray,
+        lowest_rad: float = LOWEST_RAD,
+        outdoors: bool = True,
+    ) -> "Panorama":
+        """With levels of half the size each, down to 512 pixels."""
+        levels = [np.ascontiguousarray(picture_bgr)]
+        while levels[-1].shape[1] >= 1024:
+            levels.append(cv2.pyrDown(levels[-1]))
+        return cls(name, tuple(levels), lowest_rad, outdoors)
+
+    def level(self, pixels_per_rad: float) -> np.ndarray:
+        """The coarsest level that is still as fine as asked for."""
+        fine_enough = [
+            level for level in self.levels if level.shape[1] / (2 * np.pi) >= pixels_per_rad
+        ]
+        return fine_enough[-1] if fine_enough else self.levels[0]
+
+
+def group(name: str) -> str:
+    """Files whose names differ by a trailing number show neighbouring places: one group."""
+    place = Path(name).stem.split("_", 1)[-1] if "_" in name else Path(name).stem
+    return _NEIGHBOUR.sub("", place)
+
+
+def split_of(name: str) -> str:
+    """The split of a panorama, a function of its group's name alone."""
+    share = int.from_bytes(hashlib.sha256(group(name).encode()).digest()[:4], "big") / 2**32
+    return SPLITS[sum(share >= limit for limit in _SHARES)]
+
+
+def read_panoramas(folder: Path, split: str) -> list[Panorama]:
+    """The pictures of one split, as listed in SOURCES.csv.
+
+    Raises :class:`FileNotFoundError` where the folder or one of its pictures is missing.
+    """
+    with (folder / "SOURCES.csv").open(newline="") as file:
+        outdoors = {row["file"]: row["outdoor_indoor"] == "outdoor" for row in csv.DictReader(file)}
+    found = []
+    for name in sorted(outdoors):
+        if split_of(name) != split:
+            continue
+        picture = cv2.imread(str(folder / name))
+        if picture is None:
+            raise FileNotFoundError(folder / name)
+        stem = Path(name).stem
+        found.append(Panorama.of(stem, picture, _LOWEST_RAD.get(stem, LOWEST_RAD), outdoors[name]))
+    return found
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera inside a panorama: angles in radians, ``k1`` of the lens at the image's corner."""
+
+    vfov_rad: float
+    tilt_rad: float
+    roll_rad: float
+    heading_rad: float
+    k1: float = 0.0
+    mirrored: bool = False
+
+
+def pixel_rays(view: View, size: tuple[int, int] = CROP_SIZE) -> np.ndarray:
+    """Rays of the pixels in the camera's frame, (height, width, 3), third coordinate one."""
+    width, height = size
+    focal = height / 2 / np.tan(view.vfov_rad / 2)
+    x, y = np.meshgrid(
+        (np.arange(width) + 0.5 - width / 2) / focal, (np.arange(height) + 0.5 - height / 2) / focal
+    )
+    corner2 = (width**2 + height**2) / (2 * focal) ** 2
+    bend = 1 + view.k1 * (x**2 + y**2) / corner2
+    return np.stack([x * bend, y * bend, np.ones_like(x)], axis=-1)
+
+
+def crop(panorama: Panorama, view: View, size: tuple[int, int] = CROP_SIZE) -> np.ndarray:
+    """The picture of a camera inside the panorama, (height, width, 3) uint8."""
+    cam_from_world = rotation_from_tilt_roll(view.tilt_rad, view.roll_rad)
+    world = pixel_rays(view, size).astype(np.float32) @ cam_from_world.astype(np.float32)
+    azimuth = np.arctan2(world[..., 0], world[..., 1]) + view.heading_rad
+    elevation = np.arctan2(world[..., 2], np.hypot(world[..., 0], world[..., 1]))
+    level = panorama.level(size[1] / view.vfov_rad)
+    rows, columns = level.shape[:2]
+    u = np.mod(azimuth / (2 * np.pi), 1.0) * columns - 0.5
+    v = (0.5 - elevation / np.pi) * rows - 0.5
+    picture = cv2.remap(
+        level,
+        u.astype(np.float32),
+        v.astype(np.float32),
+        cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_WRAP,
+    )
+    return picture
+
+
+def fields(view: View, cells: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Direction of up in the image and latitude, at the centres of ``cells`` (columns, rows).
+
+    Returns ``up_uv`` (rows, columns, 2), unit vectors, and ``latitude_rad`` (rows, columns),
+    positive above the horizon (Jin et al. 2023, "Perspective Fields").
+    """
+    columns, rows = cells
+    height = CROP_SIZE[1]
+    focal = height / 2 / np.tan(view.vfov_rad / 2)
+    step = CROP_SIZE[0] / columns
+    x, y = np.meshgrid(
+        ((np.arange(columns) + 0.5) * step - CROP_SIZE[0] / 2) / focal,
+        ((np.arange(rows) + 0.5) * step - height / 2) / focal,
+    )
+    corner2 = (CROP_SIZE[0] ** 2 + height**2) / (2 * focal) ** 2
+    bend = 1 + view.k1 * (x**2 + y**2) / corner2
+    ray = np.stack([x * bend, y * bend, np.ones_like(x)], axis=-1)
+    up = rotation_from_tilt_roll(view.tilt_rad, view.roll_rad)[:, 2]
+    moved = up[:2] - ray[..., :2] * up[2]
+    up_uv = moved / np.linalg.norm(moved, axis=-1, keepdims=True)
+    latitude = np.arcsin((ray @ up) / np.linalg.norm(ray, axis=-1))
+    return up_uv, latitude
