@@ -47,7 +47,9 @@ def resampled(picture: np.ndarray, rng: Rng, worst: float = 0.27) -> np.ndarray:
     small = (max(8, round(width * share)), max(6, round(height * share)))
     down = cv2.INTER_AREA if rng.random() < 0.7 else cv2.INTER_LINEAR
     up = (cv2.INTER_LINEAR, cv2.INTER_CUBIC, cv2.INTER_LANCZOS4)[rng.integers(3)]
-    out = cv2.resize(cv2.resize(picture, small, interpolation=down), (width, height), interpolation=up)
+    out = cv2.resize(
+        cv2.resize(picture, small, interpolation=down), (width, height), interpolation=up
+    )
     if rng.random() < 0.25:
         # Sharpening, as cameras do.
         amount = rng.uniform(0.3, 1.5)
@@ -109,9 +111,7 @@ def _smeared(picture: np.ndarray, rng: Rng) -> np.ndarray:
     angle = rng.uniform(0, np.pi)
     middle, reach = (size - 1) / 2, (size - 1) / 2
     for step in np.linspace(-reach, reach, 3 * size):
-        kernel[
-            round(middle + step * np.sin(angle)), round(middle + step * np.cos(angle))
-        ] = 1
+        kernel[round(middle + step * np.sin(angle)), round(middle + step * np.cos(angle))] = 1
     return cv2.filter2D(picture, -1, kernel / kernel.sum())
 
 
@@ -123,7 +123,9 @@ def _overlay(picture: np.ndarray, rng: Rng) -> np.ndarray:
         text = "".join(rng.choice(list("0123456789:-/ CAM"), rng.integers(4, 20)))
         corner = (int(rng.integers(0, width // 2)), int(rng.choice([10, height - 4])))
         level = float(rng.choice([0, 255, 200]))
-        cv2.putText(out, text, corner, int(rng.integers(0, 4)), rng.uniform(0.2, 0.45), (level,) * 3)
+        cv2.putText(
+            out, text, corner, int(rng.integers(0, 4)), rng.uniform(0.2, 0.45), (level,) * 3
+        )
     if rng.random() < 0.2:
         x, y = int(rng.integers(width - 24)), int(rng.choice([2, height - 16]))
         colour = tuple(float(value) for value in rng.uniform(0, 255, 3))

@@ -9,10 +9,8 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from scene4d.perception.orientation.grid import SHAPE
-from training.panoramas import CROP_SIZE
+from training.panoramas import CELLS
 
-CELLS = (CROP_SIZE[0] // 16, CROP_SIZE[1] // 16)
-"""Columns and rows of the dense head."""
 _STAGES = (  # expansion, channels, blocks, stride: table 2 of the paper
     (1, 16, 1, 1),
     (6, 24, 2, 2),
@@ -22,6 +20,9 @@ _STAGES = (  # expansion, channels, blocks, stride: table 2 of the paper
     (6, 160, 3, 2),
     (6, 320, 1, 1),
 )
+_STEM = 4
+"""So many of the first layers keep ImageNet's weights: edges are edges, and their gradients cost
+half of the time of training on a CPU."""
 _STRIDE_16 = 14  # features[:14] end where an image has a sixteenth of its width
 
 
@@ -74,6 +75,7 @@ class OrientationNet(nn.Module):
         self.register_buffer("mean", torch.tensor([123.675, 116.28, 103.53]).view(1, 3, 1, 1))
         self.register_buffer("spread", torch.tensor([58.395, 57.12, 57.375]).view(1, 3, 1, 1))
         self.features = backbone()
+        self.features[:_STEM].requires_grad_(requires_grad=False)
         self.coarse = nn.Sequential(nn.Conv2d(320, width, 1, bias=False), nn.BatchNorm2d(width))
         self.fine = nn.Sequential(nn.Conv2d(96, width, 1, bias=False), nn.BatchNorm2d(width))
         self.mix = nn.Sequential(
@@ -86,13 +88,21 @@ class OrientationNet(nn.Module):
         self.pose = nn.Linear(256, SHAPE[1] * SHAPE[2])
         self.roll = nn.Linear(256, SHAPE[0])
 
+    def train(self, mode: bool = True) -> "OrientationNet":
+        """As everywhere, but that the first layers keep their statistics too."""
+        super().train(mode)
+        self.features[:_STEM].eval()
+        return self
+
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """``dense`` (b, 4, 9, 12), ``roll`` (b, 33) and ``pose`` (b, 37, 21), the last two logits.
 
         ``dense``: a vector whose direction is up in the image and whose length is the
         concentration of a von Mises distribution; latitude in radians; log of its Laplace spread.
         """
-        fine = self.features[:_STRIDE_16]((x - self.mean) / self.spread)
+        with torch.no_grad():
+            stem = self.features[:_STEM]((x - self.mean) / self.spread)
+        fine = self.features[_STEM:_STRIDE_16](stem)
         coarse = self.coarse(self.features[_STRIDE_16:](fine))
         raised = functional.interpolate(
             coarse, size=(CELLS[1], CELLS[0]), mode="bilinear", align_corners=False

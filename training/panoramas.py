@@ -12,10 +12,13 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+
 from scene4d.geometry import rotation_from_tilt_roll
 
 CROP_SIZE = (192, 144)
 """Width and height of what the network sees, pixels: 4:3."""
+CELLS = (CROP_SIZE[0] // 16, CROP_SIZE[1] // 16)
+"""Columns and rows of the network's dense head."""
 SPLITS = ("train", "validation", "test")
 _SHARES = (0.72, 0.86)
 _NEIGHBOUR = re.compile(r"[\d_]*\d$")
@@ -129,14 +132,13 @@ def crop(panorama: Panorama, view: View, size: tuple[int, int] = CROP_SIZE) -> n
     rows, columns = level.shape[:2]
     u = np.mod(azimuth / (2 * np.pi), 1.0) * columns - 0.5
     v = (0.5 - elevation / np.pi) * rows - 0.5
-    picture = cv2.remap(
+    return cv2.remap(
         level,
         u.astype(np.float32),
         v.astype(np.float32),
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_WRAP,
     )
-    return picture
 
 
 def fields(view: View, cells: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:

@@ -98,7 +98,9 @@ def _paint_ground(canvas: _Canvas, layout: Layout, ground: GroundPicture) -> Non
     reach = layout.camera_height_m * canvas.cos_elevation[rows] / -canvas.sin_elevation[rows]
     rows, reach = rows[reach < 400], reach[reach < 400]
     # Pixels of one row lie at one distance: one level of detail a row.
-    across_m = layout.camera_height_m / np.abs(canvas.sin_elevation[rows]) / canvas.width * 2 * np.pi
+    across_m = (
+        layout.camera_height_m / np.abs(canvas.sin_elevation[rows]) / canvas.width * 2 * np.pi
+    )
     along_m = across_m / np.abs(canvas.sin_elevation[rows])
     for level, (chosen) in ground.levels_for(np.sqrt(across_m * along_m)):
         part = rows[chosen]

@@ -6,6 +6,7 @@ on from its checkpoint after a kill. The learning curve is ``curve.jsonl`` besid
 
 import argparse
 import json
+import math
 import multiprocessing
 import os
 import time
@@ -93,9 +94,9 @@ class Training:
         self.net = OrientationNet()
         load_backbone(self.net, torch.load(backbone, map_location="cpu", weights_only=True))
         self.net.to(device, memory_format=torch.channels_last)
-        pretrained = list(self.net.features.parameters())
-        known = {id(parameter) for parameter in pretrained}
-        new = [parameter for parameter in self.net.parameters() if id(parameter) not in known]
+        pretrained = [p for p in self.net.features.parameters() if p.requires_grad]
+        features = {id(p) for p in self.net.features.parameters()}
+        new = [p for p in self.net.parameters() if id(p) not in features]
         groups = [{"params": pretrained, "peak": 6e-4}, {"params": new, "peak": 1.5e-3}]
         self.optimiser = torch.optim.AdamW(groups, lr=1e-3, weight_decay=0.01)
         self.average = {name: value.clone() for name, value in self.net.state_dict().items()}
@@ -120,7 +121,7 @@ class Training:
 
     def learn(self, batch: dict[str, torch.Tensor], done: float) -> dict[str, float]:
         """One step; ``done`` is the share of the time that has passed."""
-        rate = min(1.0, done / _WARM_UP) * 0.5 * (1 + np.cos(np.pi * min(done, 1.0))) + 0.003
+        rate = min(1.0, done / _WARM_UP) * 0.5 * (1 + math.cos(math.pi * min(done, 1.0))) + 0.003
         for group in self.optimiser.param_groups:
             group["lr"] = rate * group["peak"]
         self.net.train()

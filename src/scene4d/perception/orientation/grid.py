@@ -6,6 +6,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
+from scene4d.errors import InputError
+from scene4d.model import Orientation
+
 ROLL_RAD = np.radians(np.arange(-24.0, 24.1, 1.5))
 """Roll of the cells' centres, (33,)."""
 TILT_RAD = np.radians(np.arange(-17.5, 72.6, 2.5))
@@ -13,14 +16,31 @@ TILT_RAD = np.radians(np.arange(-17.5, 72.6, 2.5))
 VFOV_RAD = np.radians(np.geomspace(9.0, 110.0, 21))
 """Vertical field of view of the cells' centres, (21,): equal steps of its logarithm."""
 SHAPE = (len(ROLL_RAD), len(TILT_RAD), len(VFOV_RAD))
+ASPECT = (4, 3)
+"""Width to height of the centred crop that is looked at."""
+NAMES = ("roll", "tilt", "vfov")
+_AXES = (ROLL_RAD, TILT_RAD, np.log(VFOV_RAD))
+
+
+def crop_size(image_size: tuple[int, int]) -> tuple[int, int]:
+    """Width and height in pixels of the largest centred 4:3 crop of a picture.
+
+    The field of view of everything here is that crop's, which depends on nothing that lies outside
+    of it. Raises :class:`InputError` where nothing would be left.
+    """
+    width, height = image_size
+    across, along = ASPECT
+    size = min(width, height * across // along), min(height, width * along // across)
+    if min(size) < 1:
+        raise InputError(f"the picture of {width}x{height} pixels is too small to read a camera in")
+    return size
 
 
 @dataclass(frozen=True, eq=False)
 class Belief:
     """Log-probability of every cell of the grid, normalised to sum to one.
 
-    ``log_p`` has the axes roll, tilt, vertical field of view. The field of view is that of the
-    picture's largest centred 4:3 crop (:func:`scene4d.perception.orientation.network.centre_crop`).
+    ``log_p`` has the axes roll, tilt and vertical field of view (of :func:`crop_size`).
     """
 
     log_p: Float[np.ndarray, "33 37 21"]
@@ -31,6 +51,20 @@ class Belief:
         shifted = log_weight - log_weight.max()
         return cls(shifted - np.log(np.exp(shifted).sum()))
 
+    @classmethod
+    def even(cls) -> "Belief":
+        """Nothing is known."""
+        return cls.normalised(np.zeros(SHAPE))
+
+    @classmethod
+    def gaussian(cls, mean: tuple[float, ...], sigma: tuple[float, ...]) -> "Belief":
+        """Independent Gaussians of roll, tilt and the logarithm of the field of view."""
+        roll, tilt, log_vfov = (
+            -0.5 * ((nodes - middle) / spread) ** 2
+            for nodes, middle, spread in zip(_AXES, mean, sigma, strict=True)
+        )
+        return cls.normalised(roll[:, None, None] + tilt[:, None] + log_vfov)
+
     @cached_property
     def p(self) -> Float[np.ndarray, "33 37 21"]:
         """Probability of every cell."""
@@ -38,4 +72,79 @@ class Belief:
 
     def marginal(self, axis: int) -> Float[np.ndarray, "n"]:
         """Probability over one axis: 0 roll, 1 tilt, 2 vertical field of view."""
-        return self.p.sum(axis=tuple(other for other in range(3) if other != axis))
+        return np.asarray(self.p.sum(axis=tuple(other for other in range(3) if other != axis)))
+
+    def mean(self) -> Float[np.ndarray, "3"]:
+        """Expected roll and tilt, and the field of view of the expected logarithm; radians."""
+        roll, tilt, log_vfov = (self.marginal(n) @ axis for n, axis in enumerate(_AXES))
+        return np.array([roll, tilt, np.exp(log_vfov)])
+
+    def sigma(self) -> Float[np.ndarray, "3"]:
+        """Standard deviations of roll, tilt and field of view, radians."""
+        spread = []
+        for n, nodes in enumerate(_AXES):
+            weight = self.marginal(n)
+            spread.append(np.sqrt(weight @ (nodes - weight @ nodes) ** 2))
+        return np.array(spread) * [1, 1, self.mean()[2]]
+
+    def log_density_at(self, roll_rad: float, tilt_rad: float, vfov_rad: float) -> float:
+        """Log-probability of the cell that holds these values; the outermost cells have no end."""
+        at = tuple(
+            int(np.abs(nodes - value).argmin())
+            for value, nodes in zip((roll_rad, tilt_rad, np.log(vfov_rad)), _AXES, strict=True)
+        )
+        return float(self.log_p[at])
+
+    def mode(self) -> Float[np.ndarray, "3"]:
+        """Roll, tilt and field of view of the likeliest cell, radians."""
+        at = np.unravel_index(np.argmax(self.log_p), SHAPE)
+        return np.array([ROLL_RAD[at[0]], TILT_RAD[at[1]], VFOV_RAD[at[2]]])
+
+    def interval(self, axis: int, share: float = 0.95) -> tuple[float, float]:
+        """The central interval of one axis with this probability, radians."""
+        nodes = _AXES[axis]
+        step = nodes[1] - nodes[0]
+        # A cell's probability is spread evenly over it.
+        edges = np.append(nodes - step / 2, nodes[-1] + step / 2)
+        reached = np.concatenate([[0.0], np.cumsum(self.marginal(axis))])
+        ends = np.interp([(1 - share) / 2, (1 + share) / 2], reached / reached[-1], edges)
+        low, high = np.exp(ends) if axis == 2 else ends
+        return float(low), float(high)
+
+    def tempered(self, power: float) -> "Belief":
+        """Flattened (power below 1) or sharpened."""
+        return Belief.normalised(power * self.log_p)
+
+    def given_vfov(self, vfov_rad: float, relative_sigma: float = 0.02) -> "Belief":
+        """With the field of view known: a lens that was told makes tilt and roll sharper.
+
+        Raises :class:`InputError` for a field of view that is none.
+        """
+        if not 0 < vfov_rad < np.pi:
+            raise InputError(f"vfov_rad must lie in 0 to π, found {vfov_rad}")
+        log_vfov = np.log(np.clip(vfov_rad, VFOV_RAD[0], VFOV_RAD[-1]))
+        step = _AXES[2][1] - _AXES[2][0]
+        # Never narrower than the grid can hold.
+        spread = max(relative_sigma, step / 2)
+        weight = -0.5 * ((_AXES[2] - log_vfov) / spread) ** 2
+        return Belief.normalised(self.log_p + weight)
+
+    def orientation(self, image_size: tuple[int, int]) -> Orientation:
+        """As a Gaussian over focal length in pixels, tilt and roll of pictures of this size."""
+        focal = crop_size(image_size)[1] / 2 / np.tan(VFOV_RAD / 2)
+        weight = self.marginal(2)
+        log_focal = float(weight @ np.log(focal))
+        focal_sigma = float(np.sqrt(weight @ (np.log(focal) - log_focal) ** 2))
+        mean, sigma = [], []
+        for axis, nodes in enumerate(_AXES[:2]):
+            weight = self.marginal(axis)
+            mean.append(float(weight @ nodes))
+            sigma.append(float(np.sqrt(weight @ (nodes - mean[-1]) ** 2)))
+        return Orientation(
+            focal_px=float(np.exp(log_focal)),
+            tilt_rad=mean[1],
+            roll_rad=mean[0],
+            focal_sigma_px=float(np.exp(log_focal)) * focal_sigma,
+            tilt_sigma_rad=sigma[1],
+            roll_sigma_rad=sigma[0],
+        )

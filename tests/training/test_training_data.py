@@ -1,0 +1,196 @@
+"""Training pictures: their cameras must be exactly what is claimed, and their splits clean.
+
+Only what needs no torch: panoramas, invented streets, and the samples made of them.
+"""
+
+import csv
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from training.degrade import degraded
+from training.fields import field_belief
+from training.layout import Box, Layout, invent_layout
+from training.panoramas import (
+    CELLS,
+    CROP_SIZE,
+    Panorama,
+    View,
+    crop,
+    fields,
+    group,
+    read_panoramas,
+    split_of,
+)
+from training.samples import sample
+from training.streets import _Canvas, _paint_box, street_panorama
+
+from scene4d.model import Camera
+
+views = st.builds(
+    View,
+    vfov_rad=st.floats(0.3, 1.3),
+    tilt_rad=st.floats(-0.2, 1.0),
+    roll_rad=st.floats(-0.3, 0.3),
+    heading_rad=st.floats(0, 6.2),
+)
+
+
+def camera_of(view: View) -> Camera:
+    """The package's own camera with the same pose, one metre above the ground."""
+    focal = CROP_SIZE[1] / 2 / np.tan(view.vfov_rad / 2)
+    return Camera.from_pose(
+        image_size=CROP_SIZE,
+        focal_px=focal,
+        tilt_rad=view.tilt_rad,
+        roll_rad=view.roll_rad,
+        height_m=1.0,
+    )
+
+
+def directions_panorama(columns: int = 2048) -> Panorama:
+    """A panorama whose colours are the directions themselves: x, y, z from 0 to 255."""
+    rows = columns // 2
+    azimuth = (np.arange(columns) + 0.5) / columns * 2 * np.pi
+    elevation = np.pi / 2 - (np.arange(rows) + 0.5) / rows * np.pi
+    level = np.cos(elevation)[:, None]
+    xyz = [
+        level * np.sin(azimuth),
+        level * np.cos(azimuth),
+        np.sin(elevation)[:, None] + 0 * azimuth,
+    ]
+    return Panorama.of("directions", np.round(127.5 + 127.5 * np.stack(xyz, -1)).astype(np.uint8))
+
+
+DIRECTIONS = directions_panorama()
+
+
+@given(views)
+@settings(max_examples=25)
+def test_crops_look_where_the_camera_looks(view):
+    picture = crop(DIRECTIONS, view).astype(float) / 127.5 - 1
+    camera = camera_of(view)
+    uv = np.array([[20, 20], [96, 71], [180, 40], [60, 130]])
+    ray = np.column_stack([(uv - camera.K[:2, 2]) / camera.focal_px, np.ones(4)]) @ camera.R
+    x, y, z = ray.T / np.linalg.norm(ray, axis=1)
+    c, s = np.cos(view.heading_rad), np.sin(view.heading_rad)
+    # One of 255 levels of a colour is 0.008, a tenth of a pixel less.
+    expected = np.column_stack([c * x + s * y, c * y - s * x, z])
+    np.testing.assert_allclose(picture[uv[:, 1], uv[:, 0]], expected, atol=0.012)
+
+
+@given(views)
+@settings(max_examples=25)
+def test_fields_are_those_of_the_camera(view):
+    up_uv, latitude = fields(view, CELLS)
+    camera = camera_of(view)
+    for column, row in ((0, 0), (5, 4), (11, 8), (2, 7)):
+        uv = (np.array([column, row]) + 0.5) * 16 - 0.5
+        ray = np.append((uv - camera.K[:2, 2]) / camera.focal_px, 1.0) @ camera.R
+        assert latitude[row, column] == pytest.approx(np.arcsin(ray[2] / np.linalg.norm(ray)))
+        # A point on the ray, and one a little above it.
+        foot = camera.centre_m + 5 * ray
+        ends, _ = camera.project(foot + np.array([[0, 0, 0], [0, 0, 1e-4]]))
+        moved = ends[1] - ends[0]
+        np.testing.assert_allclose(up_uv[row, column], moved / np.hypot(*moved), atol=1e-4)
+
+
+@given(views, st.integers(0, 10**6))
+@settings(max_examples=10)
+def test_fields_speak_for_their_own_camera(view, seed):
+    up_uv, latitude = fields(view, CELLS)
+    rng = np.random.default_rng(seed)
+    dense = np.concatenate(
+        [30 * up_uv.transpose(2, 0, 1), [latitude + rng.normal(0, 0.02, latitude.shape)]]
+    )
+    dense = np.concatenate([dense, np.full((1, *latitude.shape), np.log(0.05))]).astype(np.float32)
+    found = field_belief(dense, 1.0).mean()
+    np.testing.assert_allclose(found[:2], [view.roll_rad, view.tilt_rad], atol=np.radians(1.25))
+    assert found[2] == pytest.approx(view.vfov_rad, rel=0.07)  # half a cell of the grid, as tilt
+
+
+def test_a_rendered_box_lies_where_the_camera_projects_it():
+    height = 6.0
+    box = Box(3.0, 14.0, 0.4, 2.0, 0.9, 0.0, 1.6, "plain", np.full(3, 255.0, np.float32))
+    layout = Layout("street", height, 0.0, 5.0, 8.0, None, [box])
+    canvas = _Canvas(4096, 2048)
+    _paint_box(canvas, box, layout)
+    panorama = Panorama.of("box", (np.clip(canvas.colour, 0, 255) > 60).astype(np.uint8) * 255)
+    view = View(np.radians(40), np.radians(20), np.radians(5), 0.0)
+    seen = crop(panorama, view)[..., 0] > 127
+    camera = Camera.from_pose(
+        image_size=CROP_SIZE,
+        focal_px=CROP_SIZE[1] / 2 / np.tan(np.radians(20)),
+        tilt_rad=view.tilt_rad,
+        roll_rad=view.roll_rad,
+        height_m=height,
+    )
+    uv, _ = camera.project(box.corners())
+    hull = cv2.convexHull(np.round(uv * 16).astype(np.int32))
+    drawn = np.zeros(seen.shape, np.uint8)
+    cv2.fillConvexPoly(drawn, hull, 1, shift=4)
+    union, both = (seen | (drawn > 0)).sum(), (seen & (drawn > 0)).sum()
+    assert union > 400
+    assert both / union > 0.93
+
+
+def test_a_street_has_a_level_ground_below_and_sky_above():
+    panorama = street_panorama(3, [], size=(512, 256))
+    picture = panorama.levels[0]
+    assert picture.shape == (256, 512, 3)
+    assert picture.std() > 10
+    np.testing.assert_array_equal(picture, street_panorama(3, [], size=(512, 256)).levels[0])
+    assert (picture != street_panorama(4, [], size=(512, 256)).levels[0]).any()
+    heights = [invent_layout(np.random.default_rng(n)).camera_height_m for n in range(200)]
+    assert 2.2 <= min(heights) < 3 and 12 < max(heights) <= 15
+
+
+def test_samples_are_a_function_of_the_seed():
+    one, truth = sample(np.random.default_rng([1, 2]), [DIRECTIONS], [])
+    again, _ = sample(np.random.default_rng([1, 2]), [DIRECTIONS], [])
+    other, _ = sample(np.random.default_rng([1, 3]), [DIRECTIONS], [])
+    np.testing.assert_array_equal(one, again)
+    assert (one != other).any()
+    assert one.shape == (CROP_SIZE[1], CROP_SIZE[0], 3) and one.dtype == np.uint8
+    assert np.isfinite(truth.up_uv).all() and np.isfinite(truth.latitude_rad).all()
+
+
+def test_mirrored_samples_keep_their_truth():
+    """Left and right of a mirrored crop are exchanged, and its roll has the other sign."""
+    rng = np.random.default_rng(0)
+    seen = set()
+    for _ in range(12):
+        picture, truth = sample(rng, [DIRECTIONS], [], clean=True)
+        seen.add(truth.view.mirrored)
+        z = picture[..., 2].astype(float) / 127.5 - 1
+        rows = (np.arange(9) * 16 + 8).astype(int)
+        columns = (np.arange(12) * 16 + 8).astype(int)
+        found = np.arcsin(np.clip(z[np.ix_(rows, columns)], -1, 1))
+        # Half a pixel beside the cells' centres; steep views are left out.
+        np.testing.assert_allclose(found, truth.latitude_rad, atol=0.06)
+    assert seen == {True, False}
+
+
+def test_every_kind_of_degradation_keeps_the_picture_a_picture():
+    rng = np.random.default_rng(0)
+    picture = crop(DIRECTIONS, View(0.8, 0.3, 0.0, 1.0))
+    for _ in range(150):
+        out = degraded(picture, rng)
+        assert out.shape == picture.shape and out.dtype == np.uint8
+
+
+@pytest.mark.shared_data
+def test_neighbouring_panoramas_share_a_split(shared_data):
+    with (shared_data / "panoramas" / "SOURCES.csv").open(newline="") as file:
+        names = [row["file"] for row in csv.DictReader(file)]
+    of_group: dict[str, set[str]] = {}
+    for name in names:
+        of_group.setdefault(group(name), set()).add(split_of(name))
+    assert all(len(splits) == 1 for splits in of_group.values())
+    assert group("pypi-geovisio_street1.jpg") == group("pypi-geovisio_street4.jpg")
+    counts = {name: sum(split_of(file) == name for file in names) for name in ("train", "test")}
+    assert counts["test"] >= 20 and counts["train"] >= 90
+    validation = read_panoramas(shared_data / "panoramas", "validation")
+    assert all(panorama.levels[0].shape[1] >= 1024 for panorama in validation)

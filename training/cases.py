@@ -1,0 +1,113 @@
+"""Pictures to measure the network on: held-out panoramas, real cameras, and hopeless ones."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from scene4d.evaluate import pets, towncentre
+from scene4d.formats.cameras import read_camera
+from scene4d.model import Camera
+from scene4d.perception.orientation.grid import crop_size
+from scene4d.video.reader import open_source
+from training.panoramas import CROP_SIZE, Panorama, View, crop
+from training.samples import sample
+
+VFOV_DEG = (20, 70)
+"""Vertical fields of view of the held-out crops."""
+CROPS_EACH = 24
+"""Crops of one panorama."""
+PETS_FRAMES = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A picture and the roll, tilt and vertical field of view of its 4:3 crop, radians."""
+
+    name: str
+    picture_bgr: np.ndarray
+    truth_rad: np.ndarray
+
+
+def held_out(panoramas: list[Panorama], seed: int, *, each: int = CROPS_EACH) -> Iterator[Case]:
+    """Undegraded crops: field of view 20-70°, tilt -10 to 50°, roll of 4° and up to 15°."""
+    for panorama in panoramas:
+        rng = np.random.default_rng([seed, *panorama.name.encode()])
+        made = 0
+        while made < each:
+            vfov = np.radians(np.exp(rng.uniform(*np.log(VFOV_DEG))))
+            tilt = np.radians(rng.uniform(-10, 50))
+            # The middle of the picture lies not more than 10 degrees above the horizon.
+            if tilt + vfov / 2 > panorama.lowest_rad:
+                continue
+            roll = np.radians(np.clip(rng.normal(0, 5), -15, 15))
+            view = View(float(vfov), float(tilt), float(roll), rng.uniform(0, 2 * np.pi))
+            # Larger than the network's input, as real pictures are.
+            picture = crop(panorama, view, (2 * CROP_SIZE[0], 2 * CROP_SIZE[1]))
+            yield Case(panorama.name, picture, np.array([roll, tilt, vfov]))
+            made += 1
+
+
+def degraded_like_training(panoramas: list[Panorama], seed: int, count: int) -> Iterator[Case]:
+    """As in training, all ranges and all weathers, without the hopeless ones."""
+    made, index = 0, 0
+    while made < count:
+        picture, truth = sample(np.random.default_rng([seed, index]), panoramas, [])
+        index += 1
+        if truth.hopeless:
+            continue
+        view = truth.view
+        pose = np.array([view.roll_rad, view.tilt_rad, view.vfov_rad])
+        yield Case("degraded", picture, pose)
+        made += 1
+
+
+def blurred(cases: list[Case], sigma_px: float) -> list[Case]:
+    """The same, out of focus by this much at the network's resolution."""
+    shrunk = [cv2.resize(c.picture_bgr, CROP_SIZE, interpolation=cv2.INTER_AREA) for c in cases]
+    soft = [cv2.GaussianBlur(picture, (0, 0), sigma_px) for picture in shrunk]
+    return [Case(c.name, picture, c.truth_rad) for c, picture in zip(cases, soft, strict=True)]
+
+
+def _truth(camera: Camera) -> np.ndarray:
+    _, height = crop_size(camera.image_size)
+    vfov = 2 * np.arctan(height / 2 / camera.focal_px)
+    return np.array([camera.roll_rad, camera.tilt_rad, vfov])
+
+
+def real_cameras(data: Path) -> Iterator[tuple[str, list[Case]]]:
+    """PETS, TownCentre and MEVA's four: several frames of each where there are any."""
+    truth = _truth(pets(data).camera)
+    with open_source(data / "pets2009" / "vtest.avi") as video:
+        frames = [frame.image_bgr for frame in video.frames()]
+    picked = np.linspace(0, len(frames) - 1, PETS_FRAMES).astype(int)
+    yield "PETS View_001", [Case("pets", frames[n], truth) for n in picked]
+    truth = _truth(towncentre(data).camera)
+    paths = sorted((data / "towncentre" / "frames").iterdir())
+    yield "TownCentre", [Case(path.stem, cv2.imread(str(path)), truth) for path in paths]
+    for path in sorted((data / "meva" / "frames").glob("*.jpg")):
+        picture = cv2.imread(str(path))
+        size = (picture.shape[1], picture.shape[0])
+        camera = read_camera(data / "meva" / "cameras" / f"{path.stem}.krtd", image_size=size)
+        yield f"MEVA {path.stem}", [Case(path.stem, picture, _truth(camera))]
+
+
+def hopeless(panoramas: list[Panorama]) -> Iterator[tuple[str, np.ndarray]]:
+    """Pictures that tell nothing about a camera, or lie on their side."""
+    rng = np.random.default_rng(3)
+    size = (480, 640, 3)
+    yield "black", np.zeros(size, np.uint8)
+    yield "white", np.full(size, 255, np.uint8)
+    yield "grey", np.full(size, 128, np.uint8)
+    yield "noise", rng.integers(0, 256, size).astype(np.uint8)
+    ramp = np.linspace(0, 255, 480).astype(np.uint8)
+    yield "brightness ramp", np.repeat(np.repeat(ramp[:, None], 640, axis=1)[..., None], 3, axis=2)
+    sample_case = next(held_out(panoramas[:1], 9))
+    whole = sample_case.picture_bgr
+    yield "tiny (32x32)", cv2.resize(whole, (32, 32), interpolation=cv2.INTER_AREA)
+    for turns, name in ((1, "left"), (2, "over"), (3, "right")):
+        for n, panorama in enumerate(panoramas[:6]):
+            case = next(held_out([panorama], 10))
+            yield f"turned {name} {n + 1}", np.ascontiguousarray(np.rot90(case.picture_bgr, turns))
