@@ -79,12 +79,12 @@ def _truth(camera: Camera) -> np.ndarray:
 
 def real_cameras(data: Path) -> Iterator[tuple[str, list[Case]]]:
     """PETS, TownCentre and MEVA's four: several frames of each where there are any."""
-    truth = _truth(pets(data).camera)
+    truth = _truth(pets(data / "pets2009").camera)
     with open_source(data / "pets2009" / "vtest.avi") as video:
         frames = [frame.image_bgr for frame in video.frames()]
     picked = np.linspace(0, len(frames) - 1, PETS_FRAMES).astype(int)
     yield "PETS View_001", [Case("pets", frames[n], truth) for n in picked]
-    truth = _truth(towncentre(data).camera)
+    truth = _truth(towncentre(data / "towncentre").camera)
     paths = sorted((data / "towncentre" / "frames").iterdir())
     yield "TownCentre", [Case(path.stem, cv2.imread(str(path)), truth) for path in paths]
     for path in sorted((data / "meva" / "frames").glob("*.jpg")):
@@ -106,7 +106,7 @@ def hopeless(panoramas: list[Panorama]) -> Iterator[tuple[str, np.ndarray]]:
     yield "brightness ramp", np.repeat(np.repeat(ramp[:, None], 640, axis=1)[..., None], 3, axis=2)
     sample_case = next(held_out(panoramas[:1], 9))
     whole = sample_case.picture_bgr
-    yield "tiny (32x32)", cv2.resize(whole, (32, 32), interpolation=cv2.INTER_AREA)
+    yield "tiny (43x32)", cv2.resize(whole, (43, 32), interpolation=cv2.INTER_AREA)
     for turns, name in ((1, "left"), (2, "over"), (3, "right")):
         for n, panorama in enumerate(panoramas[:6]):
             case = next(held_out([panorama], 10))
