@@ -4,7 +4,6 @@ Weights are stored in half precision and computed in single: half the size for n
 """
 
 import argparse
-import json
 from pathlib import Path
 
 import numpy as np
@@ -25,12 +24,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("checkpoint", type=Path)
     parser.add_argument("--out", type=Path, required=True, help="the .onnx file to write")
-    parser.add_argument("--power", type=float, default=1.0, help="from python -m training.card")
     args = parser.parse_args()
-    export(args.checkpoint, args.out, args.power)
+    export(args.checkpoint, args.out)
 
 
-def export(checkpoint: Path, out: Path, power: float) -> None:
+def export(checkpoint: Path, out: Path) -> None:
     """Raises :class:`ArithmeticError` where ONNX and torch disagree."""
     net = OrientationNet()
     state = torch.load(checkpoint, map_location="cpu", weights_only=True)
@@ -52,9 +50,7 @@ def export(checkpoint: Path, out: Path, power: float) -> None:
     model = onnx.load(str(single))
     single.unlink()
     _halve(model)
-    helper.set_model_props(
-        model, {"power": json.dumps(power), "steps": json.dumps(int(state["step"]))}
-    )
+    helper.set_model_props(model, {"steps": str(state["step"])})
     onnx.checker.check_model(model)
     written = model.SerializeToString()
     session = onnxruntime.InferenceSession(written, providers=["CPUExecutionProvider"])

@@ -107,8 +107,8 @@ def test_elimination_gives_the_step_of_the_dense_system(seed):
                 j[5 + owner[i]] = lin.by_height[axis, i]
             dense += lin.weight[axis, i] * np.outer(j, j)
             right += j * lin.force[axis, i]
-    dense[:5, :5] += np.diag(problem.prior.precision)
-    right[:5] += problem.prior.precision * (state.parameters - problem.prior.mean)
+    dense[:5, :5] += problem.prior.precision
+    right[:5] += problem.prior.precision @ (state.parameters - problem.prior.mean)
     stiff = lin.height_weight / state.noise.height_m**2
     dense[5:, 5:] += np.diag(stiff)
     right[5:] += stiff * state.delta_m

@@ -210,7 +210,10 @@ def test_a_full_disk_leaves_the_earlier_result_as_it_was(run, spawn, known, tmp_
         (["calibrate", "v.mp4", "--out", "o", "--person-height", "170"], "metres"),
         (["calibrate", "v.mp4", "--out", "o", "--person-height", "nan"], "metres"),
         (["calibrate", "v.mp4", "--out", "o", "--method", "magic"], "--method"),
-        (["calibrate", "v.mp4", "--out", "o", "--method", "paper"], "--orientation"),
+        (
+            ["calibrate", "v.mp4", "--out", "o", "--method", "paper", "--orientation", "people"],
+            "--orientation",
+        ),
         (["calibrate", "v.mp4", "--out", "o", "--frames", "0"], "--frames"),
         (["calibrate", "v.mp4", "--out", "o", "--seed", "-1"], "--seed"),
         (["calibrate", "v.mp4", "--out", "o", "--sed", "1"], "--seed"),

@@ -22,13 +22,16 @@ PROMISED = {
         "--out --lens --annotations --image-size --person-height --method --orientation "
         "--estimate-focal --frames --seed --drop-invalid --json"
     ),
+    "orientation": "--lens --frames --out --json",
     "track": (
         "--camera --out --annotations --detector --rate --fps --drop-invalid --name --start "
         "--person-height --json"
     ),
+    "search": ("--top --min-score --catalogue --zones --footage --out --actev --json"),
     "evaluate pets": "--data --out --json",
     "evaluate towncentre": "--data --out --json",
     "evaluate virat": "--data --clip --image-size --out --json",
+    "evaluate meva": "--data --out --json",
     "evaluate custom": "--camera --reference --points --image-size --out --json",
     "export": "--to --out --from --image-size --run --anchor --json",
     "models": "--json",

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 from functools import partial
 
 import pytest
@@ -47,11 +48,16 @@ def test_the_real_list(run, tmp_path, monkeypatch):
     monkeypatch.setenv("SCENE4D_CACHE", str(tmp_path))
     found = json.loads(run("models", "--json").stdout)
     assert found["folder"] == str(tmp_path / "weights")
-    assert {w["name"] for w in found["weights"]} == {w.name for w in store.WEIGHTS}
+    names = [w.name for w in store.WEIGHTS]
+    assert [w["name"] for w in found["weights"]] == [*names, "orientation"]
     for row in found["weights"]:
-        assert set(row) == {"name", "file", "bytes", "present", "verified", "licence"}
-        assert not row["present"] and not row["verified"]
+        assert set(row) == {
+            "name", "file", "bytes", "present", "packaged", "verified", "licence",
+        }  # fmt: skip
+        assert row["present"] == row["verified"] == row["packaged"] == (row["name"] not in names)
+    assert 0 < found["weights"][-1]["bytes"] < 25_000_000
     table = run("models").stdout
+    assert table.count("packaged") == 1
     for row in found["weights"]:
         assert row["file"] in table and row["name"] in table
     assert "scene4d models fetch" in table
@@ -65,7 +71,8 @@ def test_fetch_gets_what_is_missing(run, weight, tmp_path):
     assert row["present"] and row["verified"]
     assert (tmp_path / "cache" / "weights" / "net.onnx").read_bytes() == CONTENT
     again = run("models")
-    assert "models fetch" not in again.stdout and "yes      yes" in again.stdout
+    assert "models fetch" not in again.stdout
+    assert re.search(r"^net .* yes +yes ", again.stdout, re.MULTILINE)
 
 
 def test_fetch_without_a_network_says_what_to_do(run, weight, tmp_path):

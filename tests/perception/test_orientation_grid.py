@@ -112,3 +112,15 @@ def test_tempering_and_marginals():
     assert [len(belief.marginal(axis)) for axis in range(3)] == list(SHAPE)
     assert abs(ROLL_RAD[np.argmax(belief.marginal(0))] - np.radians(-4)) < STEP[0]
     assert belief.log_density_at(*belief.mode()) == belief.log_p.max()
+
+
+def test_focal_length_and_tilt_err_together_where_only_the_horizon_is_seen():
+    tilt, vfov = np.meshgrid(np.degrees(TILT_RAD), np.degrees(VFOV_RAD), indexing="ij")
+    horizon = -0.5 * ((tilt - vfov / 2) / 2.5) ** 2 - 0.5 * ((vfov - 45) / 10) ** 2
+    told = Belief.normalised(np.broadcast_to(horizon, SHAPE).copy()).orientation((640, 480))
+    # The wider the field of view, the shorter the focal length and the steeper the tilt.
+    assert -0.98 <= told.focal_tilt_correlation < -0.7
+    free = gaussian(0.0, 20.0, 40.0).orientation((640, 480))
+    assert abs(free.focal_tilt_correlation) < 0.02
+    assert Belief.even().information() == pytest.approx(0, abs=1e-9)
+    assert gaussian(0.0, 20.0, 40.0).information() > 4

@@ -10,11 +10,55 @@ from scene4d.calibration.joint import solve
 from scene4d.calibration.prior import default_prior
 from scene4d.calibration.refine import Problem
 from scene4d.calibration.uncertainty import covariance
+from scene4d.model import Calibration, Orientation
 
 SIGMAS = 4.0
 """Farther apart than this many standard deviations, one of the two must be wrong."""
 LENS_AGREEMENT = 0.03
 """Relative difference of two told focal lengths that is worth a word."""
+
+
+def disagreements(alone: Calibration, guess: Orientation) -> list[str]:
+    """What a camera that was found without a guess says otherwise, each with both numbers: parts
+    of a sentence, none where the two agree.
+
+    Raises nothing: a camera that is undetermined contradicts nobody.
+    """
+    camera = alone.camera
+    if not alone or camera is None or alone.covariance is None:
+        return []
+    sigma = np.sqrt(np.diag(alone.covariance))
+    focal = guess.focal_px
+    rows = (
+        (
+            "focal length",
+            np.log(focal / camera.focal_px),
+            sigma[FOCAL],
+            guess.focal_sigma_px / focal,
+        ),
+        ("tilt", guess.tilt_rad - camera.tilt_rad, sigma[TILT], guess.tilt_sigma_rad),
+        ("roll", guess.roll_rad - camera.roll_rad, sigma[ROLL], guess.roll_sigma_rad),
+    )
+    texts = {
+        "focal length": (
+            f"{focal:.0f} ± {guess.focal_sigma_px:.0f} px against "
+            f"{camera.focal_px:.0f} ± {camera.focal_px * sigma[FOCAL]:.0f} px"
+        ),
+        "tilt": _angles(guess.tilt_rad, guess.tilt_sigma_rad, camera.tilt_rad, sigma[TILT]),
+        "roll": _angles(guess.roll_rad, guess.roll_sigma_rad, camera.roll_rad, sigma[ROLL]),
+    }
+    return [
+        f"{name} {texts[name]}"
+        for name, apart, own, of_guess in rows
+        # Both are 0 where the same lens told both.
+        if np.hypot(own, of_guess) > 0 and abs(apart) > SIGMAS * np.hypot(own, of_guess)
+    ]
+
+
+def _angles(guess: float, guess_sigma: float, found: float, sigma: float) -> str:
+    return "{:.1f} ± {:.1f}° against {:.1f} ± {:.1f}°".format(
+        *np.degrees([guess, guess_sigma, found, sigma])
+    )
 
 
 def contradictions(case: Case, problem: Problem) -> list[str]:

@@ -85,7 +85,8 @@ def starting_points(
     parameters[:, [FOCAL, TILT, ROLL]] = orientations
     parameters[:, HEIGHT] = np.log(person_height_m) - level
     parameters[:, CORNER] = corner
-    cost += (prior.precision * (parameters - prior.mean) ** 2).sum(axis=1)
+    gap = parameters - prior.mean
+    cost += ((gap @ prior.precision) * gap).sum(axis=1)
     return parameters[_distinct(parameters, np.argsort(cost), keep)]
 
 

@@ -23,10 +23,14 @@ CORNER_SIGMA = 0.04
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """Mean and standard deviation of the five parameters; sigma 0 holds a parameter fixed."""
+    """Mean and standard deviation of the five parameters; sigma 0 holds a parameter fixed.
+
+    ``focal_tilt_correlation`` is that of log f and tilt; it counts where both are free and known.
+    """
 
     mean: Float[np.ndarray, "5"]
     sigma: Float[np.ndarray, "5"]
+    focal_tilt_correlation: float = 0.0
 
     @cached_property
     def free(self) -> Bool[np.ndarray, "5"]:
@@ -34,10 +38,18 @@ class Prior:
         return self.sigma > 0
 
     @cached_property
-    def precision(self) -> Float[np.ndarray, "5"]:
-        """``1 / sigma²``, zero where a parameter is unknown or fixed."""
+    def precision(self) -> Float[np.ndarray, "5 5"]:
+        """Inverse of the covariance, zero where a parameter is unknown or fixed."""
         with np.errstate(divide="ignore"):
-            return np.where(self.free, 1 / self.sigma**2, 0.0)
+            own = np.where(self.free, 1 / self.sigma, 0.0)
+        inverse = np.diag(own**2)
+        correlation = self.focal_tilt_correlation
+        if correlation and own[FOCAL] and own[TILT]:
+            pair = np.ix_((FOCAL, TILT), (FOCAL, TILT))
+            signs = np.array([[1.0, -correlation], [-correlation, 1.0]])
+            scale = np.outer(own[[FOCAL, TILT]], own[[FOCAL, TILT]])
+            inverse[pair] = signs * scale / (1 - correlation**2)
+        return inverse
 
     def with_orientation(self, orientation: Orientation, half_diagonal_px: float) -> "Prior":
         """Replace the beliefs about f, tilt and roll; infinite spreads leave them as they are."""
@@ -53,7 +65,9 @@ class Prior:
         for index, (value, spread) in told.items():
             if np.isfinite(spread):
                 mean[index], sigma[index] = value, spread
-        return replace(self, mean=mean, sigma=sigma)
+        both = np.isfinite([orientation.focal_sigma_px, orientation.tilt_sigma_rad]).all()
+        correlation = orientation.focal_tilt_correlation if both else 0.0
+        return replace(self, mean=mean, sigma=sigma, focal_tilt_correlation=correlation)
 
     def with_focal(self, focal_px: float, half_diagonal_px: float) -> "Prior":
         """Hold the focal length fixed."""

@@ -173,7 +173,7 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     force = weight * residual
     force[0] -= problem.weight * push
     gap = state.parameters - problem.prior.mean
-    cost += float((problem.prior.precision * gap**2).sum())
+    cost += float(gap @ problem.prior.precision @ gap)
     height_shrink = 1 / (1 + (state.delta_m / (HEIGHT_LOSS_WIDTH * noise.height_m)) ** 2)
     cost += HEIGHT_LOSS_WIDTH**2 * float((1 - height_shrink).sum())
     terms = None
@@ -244,9 +244,9 @@ def normal_equations(problem: Problem, state: State, lin: Linearisation) -> Norm
     hessian, gradient = np.zeros((_N, _N)), np.zeros(_N)
     camera = slice(0, N_PARAMETERS)
     hessian[camera, camera] = weighted.reshape(N_PARAMETERS, -1) @ flat.T
-    hessian[camera, camera] += np.diag(problem.prior.precision)
+    hessian[camera, camera] += problem.prior.precision
     gradient[camera] = (lin.by_parameter * lin.force).sum(axis=(1, 2))
-    gradient[camera] += problem.prior.precision * (state.parameters - problem.prior.mean)
+    gradient[camera] += problem.prior.precision @ (state.parameters - problem.prior.mean)
     if lin.lines is not None:
         pulled = lin.lines.derivative * lin.lines.weight
         hessian += pulled @ lin.lines.derivative.T

@@ -75,6 +75,7 @@ def solve_segments(
     person_height_m: float = PERSON_HEIGHT_M,
     foot_height_m: float = 0.04,
     orientation: Orientation | None = None,
+    guessed: bool = False,
     method: str = "joint",
     lens: Lens | None = None,
     estimate_focal: bool = False,
@@ -92,8 +93,9 @@ def solve_segments(
     edges of the scene in the same pixels. ``population_sigma_m`` is how well the mean height of
     the people here is known, and widens the covariance. ``systematics`` is meant for real
     footage: it adds the errors that all people share, and counts a track's places as correlated.
-    ``consensus`` (``"exact"`` or ``"ransac"``) is that of the paper's method, ``seed`` that of all
-    sampling. Raises :class:`InputError` for values that make no sense.
+    A ``guessed`` orientation is not named where the people contradict it: who guessed it asks
+    :func:`.disagreements`. ``consensus`` (``"exact"`` or ``"ransac"``) is that of the paper's
+    method, ``seed`` that of all sampling. Raises :class:`InputError` for values that make no sense.
     """
     check_asked(method, person_height_m, has_orientation=orientation is not None)
     if not 0 <= population_sigma_m < person_height_m:
@@ -137,7 +139,7 @@ def solve_segments(
     state = solve(problem, seed=seed)
     if state is None:
         return case.undetermined("no camera above the people explains what is seen")
-    return _judged(case, problem, state)
+    return _judged(case, problem, state, guessed=guessed)
 
 
 def _prior(case: Case) -> Prior:
@@ -182,7 +184,7 @@ def _lines(frame: ImageFrame, xyxy: np.ndarray) -> Lines:
     return Lines.from_pixels(both * unit, np.zeros(2), unit)
 
 
-def _judged(case: Case, problem: Problem, state: State) -> Calibration:
+def _judged(case: Case, problem: Problem, state: State, *, guessed: bool) -> Calibration:
     """The calibration of a solved problem, or its refusal."""
     measured = case.frame.lens is not None
     cov = covariance(problem, state, systematics=case.asked.systematics, measured_lens=measured)
@@ -199,7 +201,8 @@ def _judged(case: Case, problem: Problem, state: State) -> Calibration:
     along, across = spreads(problem, state.noise)
     people = len(np.unique(problem.track))
     said = verdict.warnings(int(case.usable.sum()), people, share, problem.prior, cov)
-    said += contradictions(case, problem)
+    if not guessed:
+        said += contradictions(case, problem)
     return case.found(
         camera=camera,
         covariance=cov,

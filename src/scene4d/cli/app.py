@@ -10,7 +10,9 @@ from scene4d.cli.demo import demo
 from scene4d.cli.evaluate import evaluate
 from scene4d.cli.export import export
 from scene4d.cli.models import models
+from scene4d.cli.orientation import orientation
 from scene4d.cli.output import emit
+from scene4d.cli.search import search
 from scene4d.cli.track import track
 
 _EPILOG = """
@@ -51,6 +53,6 @@ def scene4d(
     """Turn a fixed camera into a metric sensor, from the people who walk through its footage."""
 
 
-for _command in (calibrate, track, export, models, demo):
+for _command in (calibrate, orientation, track, search, export, models, demo):
     app.command(help=reflowed(_command.__doc__))(_command)
 app.add_typer(evaluate)

@@ -19,8 +19,6 @@ class Method(StrEnum):
     paper = "paper"
 
 
-ORIENTATION_WORDS = ("auto", "people", "network")
-
 _FOOTAGE, _KNOWN, _SOLVER = "What is looked at", "What is known beforehand", "How it is solved"
 
 
@@ -112,8 +110,10 @@ def calibrate(
         str,
         typer.Option(
             metavar="auto|people|network|FILE",
-            help="Where focal length, tilt and roll come from. FILE is JSON with focal_px, "
-            "tilt_deg, roll_deg and, if it is not exact, sigma.",
+            help="What is known of focal length, tilt and roll. auto: what the orientation "
+            "network reads in the pictures, as a guess that the people may overrule. people: "
+            "nothing. network: its reading is believed. FILE: JSON with focal_px, tilt_deg, "
+            "roll_deg and, if it is not exact, sigma, as scene4d orientation writes it.",
             rich_help_panel=_KNOWN,
         ),
     ] = "auto",
@@ -121,7 +121,8 @@ def calibrate(
         Method,
         typer.Option(
             help="joint: focal length, tilt, roll, height and distortion together. paper: the "
-            "height alone, as Wagner et al. (2019), from --orientation FILE.",
+            "height alone, as Wagner et al. (2019), the rest read by the orientation network or "
+            "told by --orientation FILE.",
             rich_help_panel=_SOLVER,
         ),
     ] = Method.joint,
@@ -161,9 +162,10 @@ def calibrate(
         raise typer.BadParameter(
             "give footage, or both --annotations and --image-size", param_hint="SOURCE"
         )
-    if method is Method.paper and orientation in ORIENTATION_WORDS:
+    if method is Method.paper and orientation == "people":
         raise typer.BadParameter(
-            "the paper's method needs the camera's orientation: give a FILE, or use --method joint",
+            "the paper's method needs the camera's orientation: say network, give a FILE, or use "
+            "--method joint",
             param_hint="--orientation",
         )
     from scene4d.cli.folder import output_folder

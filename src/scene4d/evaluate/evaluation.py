@@ -7,6 +7,7 @@ import numpy as np
 
 from scene4d.errors import InputError
 from scene4d.evaluate.correspondence import CorrespondenceError
+from scene4d.evaluate.few_people import FewPeople
 from scene4d.evaluate.near import NearPairs
 from scene4d.evaluate.probability import brier_score, reliability, roc_curve
 from scene4d.evaluate.reference import Reference
@@ -160,7 +161,7 @@ def _auc(score: np.ndarray, true: np.ndarray) -> float | None:
 @dataclass(frozen=True, eq=False)
 class Evaluation:
     """All outcomes on one data set. ``image_bgr`` (h, w, 3) is a picture of the scene, ``notes``
-    say what was left out and why.
+    say what was left out and why, ``few`` are draws of a few people from single frames.
     """
 
     name: str
@@ -169,6 +170,7 @@ class Evaluation:
     published: Published | None = None
     image_bgr: np.ndarray | None = None
     notes: tuple[str, ...] = ()
+    few: tuple[FewPeople, ...] = ()
 
     def settings(self) -> list[Setting]:
         """The lines of the table, in order."""
@@ -197,5 +199,6 @@ class Evaluation:
             "correspondence_points": len(self.reference.points_uv),
             "published": published,
             "rows": [outcome.to_dict() for outcome in self.outcomes],
+            "few_people": [row.to_dict() for row in self.few],
             "notes": list(self.notes),
         }

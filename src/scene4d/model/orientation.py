@@ -24,6 +24,8 @@ class Orientation:
     """Focal length (pixels), tilt and roll (radians), each with a standard deviation.
 
     A standard deviation of 0 means exactly known, infinity means unknown.
+    ``focal_tilt_correlation`` is that of the errors of log focal length and tilt: a picture often
+    tells the horizon's row, ``focal · tan(tilt)``, better than either.
     """
 
     focal_px: float
@@ -32,6 +34,7 @@ class Orientation:
     focal_sigma_px: float = 0.0
     tilt_sigma_rad: float = 0.0
     roll_sigma_rad: float = 0.0
+    focal_tilt_correlation: float = 0.0
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.focal_px) and self.focal_px > 0):
@@ -51,6 +54,12 @@ class Orientation:
                 raise InputError(
                     f"orientation: {name} must be 0 or more, found {getattr(self, name)}"
                 )
+
+        if not abs(self.focal_tilt_correlation) < 1:
+            raise InputError(
+                "orientation: focal_tilt_correlation must lie within ±1, found "
+                f"{self.focal_tilt_correlation}"
+            )
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Orientation":

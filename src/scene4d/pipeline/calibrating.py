@@ -7,8 +7,15 @@ import numpy as np
 from scene4d.errors import InputError
 from scene4d.model import PERSON_HEIGHT_M, Calibration, Detections, Orientation
 from scene4d.pipeline.options import Options, Run, Seen
+from scene4d.pipeline.orienting import OrientationReader
 from scene4d.pipeline.progress import Progress, Silent, timed
-from scene4d.pipeline.solving import solved, told_lens, told_orientation
+from scene4d.pipeline.solving import (
+    check_pictures,
+    solved,
+    told_lens,
+    told_orientation,
+    without_pictures,
+)
 from scene4d.pipeline.watching import annotated, drop_stationary, watch
 
 
@@ -33,9 +40,11 @@ def calibrate(
 
     ``source`` is a video, an image, a folder of images, a glob or a stream URL; None with
     ``annotations`` and ``image_size``. ``lens`` is a camera file whose intrinsics and distortion
-    are taken (with ``estimate_focal``, the distortion alone). ``orientation`` is ``"auto"``,
-    ``"people"``, ``"network"``, a JSON file or an :class:`Orientation`. ``lines=False`` leaves
-    the straight edges of the scene out. Raises :class:`InputError` for bad input (a camera that
+    are taken (with ``estimate_focal``, the distortion alone). ``orientation`` is ``"auto"`` (the
+    orientation network's reading is a guess that the people may overrule), ``"people"`` (without
+    it), ``"network"`` (it is believed), a JSON file or an :class:`Orientation`; the paper's method
+    takes the network's alone for the first and the third. ``lines=False`` leaves the straight edges
+    of the scene out. Raises :class:`InputError` for bad input (a camera that
     moves is one) and :class:`UnavailableError` where weights cannot be had.
     """
     options = Options(
@@ -54,9 +63,11 @@ def run(source: str | Path | None, options: Options, progress: Progress) -> Run:
             raise InputError("nothing to calibrate from: give a SOURCE, or --annotations FILE")
         if options.image_size is None:
             raise InputError("annotations without a SOURCE need --image-size WxH")
+        check_pictures(options)
         lens = told_lens(options, options.image_size)
         with timed(timings, "read annotations"):
             seen = annotated(options, options.image_size, None)
+        without_pictures(seen, options)
         name = str(options.annotations)
     else:
         from scene4d.video.reader import open_source
@@ -71,7 +82,7 @@ def run(source: str | Path | None, options: Options, progress: Progress) -> Run:
             name = footage.name
     with timed(timings, "solve"), progress.stage("Solving for the camera", None):
         calibration = solved(seen, lens, options, orientation)
-    return Run(calibration, name, seen.image_bgr, seen.people_bgr, timings)
+    return Run(calibration, name, seen.image_bgr, seen.people_bgr, seen.reading, timings)
 
 
 def run_detections(
@@ -85,13 +96,23 @@ def run_detections(
 ) -> Run:
     """As :func:`run`, from people that were detected before; ``notes`` become warnings.
 
-    ``image_bgr`` is a picture of the scene for the report.
+    ``image_bgr`` is a picture of the scene for the report and for the orientation network.
     """
     timings: dict[str, float] = {}
     orientation, lens = told_orientation(options), told_lens(options, detections.image_size)
     seen = Seen(detections, len(np.unique(detections.frame)), image_bgr=image_bgr)
     seen.notes.extend(notes)
     drop_stationary(seen)
+    if image_bgr is None:
+        check_pictures(options)
+        without_pictures(seen, options)
+    elif options.uses_network:
+        with timed(timings, "orientation"):
+            reader = OrientationReader(
+                detections.image_size, lens, focal_known=not options.estimate_focal
+            )
+            reader.look(0, image_bgr)
+            seen.reading = reader.reading()
     with timed(timings, "solve"), progress.stage("Solving for the camera", None):
         calibration = solved(seen, lens, options, orientation)
-    return Run(calibration, source_name, image_bgr, timings=timings)
+    return Run(calibration, source_name, image_bgr, reading=seen.reading, timings=timings)

@@ -2,12 +2,16 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from scene4d.calibration import check_asked
 from scene4d.errors import InputError
 from scene4d.model import PERSON_HEIGHT_M, Calibration, Detections, Orientation
+
+if TYPE_CHECKING:
+    from scene4d.pipeline.orienting import OrientationReading
 
 
 @dataclass(frozen=True)
@@ -28,30 +32,43 @@ class Options:
 
     def __post_init__(self) -> None:
         """Refuse before any work is done what cannot work; raises :class:`InputError`."""
-        told = self.orientation not in ("auto", "people")
-        check_asked(self.method, self.person_height_m, has_orientation=told)
+        check_asked(self.method, self.person_height_m, has_orientation=self.orientation != "people")
         if self.frames is not None and self.frames < 1:
             raise InputError(f"frames must be at least 1, found {self.frames}")
+
+    @property
+    def uses_network(self) -> bool:
+        """Whether pictures are shown to the orientation network."""
+        return self.orientation in ("auto", "network")
+
+    @property
+    def needs_network(self) -> bool:
+        """Whether nothing can be done without it: the paper's method is told the orientation."""
+        return self.orientation == "network" or (self.uses_network and self.method == "paper")
 
 
 @dataclass
 class Run:
-    """A calibration with what its report shows: the scene, a frame with people, times by stage."""
+    """A calibration with what its report shows: the scene, a frame with people, times by stage,
+    and what the orientation network read, where it was asked.
+    """
 
     calibration: Calibration
     source_name: str
     image_bgr: np.ndarray | None = None
     people_bgr: np.ndarray | None = None
+    reading: "OrientationReading | None" = None
     timings: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass
 class Seen:
-    """What the footage showed."""
+    """What the footage showed; ``reading`` is None where the orientation network did not look."""
 
     detections: Detections
     frames: int
     edges: np.ndarray | None = None
     image_bgr: np.ndarray | None = None
     people_bgr: np.ndarray | None = None
+    reading: "OrientationReading | None" = None
     notes: list[str] = field(default_factory=list)

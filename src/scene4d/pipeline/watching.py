@@ -10,15 +10,19 @@ import numpy as np
 from scene4d.errors import InputError
 from scene4d.model import Camera, Detections, Lens
 from scene4d.pipeline.options import Options, Seen
+from scene4d.pipeline.orienting import MOST_FRAMES, OrientationReader
 from scene4d.pipeline.progress import Progress, timed
 from scene4d.pipeline.solving import solved
 
 if TYPE_CHECKING:
     from scene4d.perception.people import PeopleDetector
-    from scene4d.video.frames import Source
+    from scene4d.video.frames import Frame, Source
 
 ROUGH_FRAMES = 12
 """So many frames give a camera good enough to tell the detector how large people are where."""
+NETWORK_FRAMES = 32
+"""So many frames are shown to the orientation network for a guess: their errors are nearly the
+same. Where it alone is believed, all are, up to :data:`.MOST_FRAMES`."""
 
 
 def fetch_weights(progress: Progress, *, vehicles: bool = False) -> None:
@@ -72,7 +76,9 @@ def watch(
     progress: Progress,
     timings: dict[str, float],
 ) -> Seen:
-    """Look at sampled frames once: people, whether the camera moves, the scene's edges."""
+    """Look at sampled frames once: people, whether the camera moves, the scene's edges, and what
+    the orientation network reads.
+    """
     from scene4d.perception.lines import straight_edges
     from scene4d.video.background import Background
     from scene4d.video.motion import MotionMonitor
@@ -82,6 +88,8 @@ def watch(
     monitor = MotionMonitor(footage.image_size)
     expected = expected_count(footage, options.frames)
     background = Background(footage.image_size, expected)
+    reader = _reader(footage.image_size, lens, options, expected)
+    notes: list[str] = []
     parts: list[Detections] = []
     busiest: tuple[int, np.ndarray | None] = (0, None)
     count = 0
@@ -89,6 +97,8 @@ def watch(
         for frame in sample_frames(footage, options.frames):
             monitor.add(frame.image_bgr, frame.time_s)
             background.add(frame)
+            if reader is not None and not _offered(reader, frame, options, notes):
+                reader = None
             if people is not None:
                 parts.append(people.look(frame))
                 if len(parts[-1]) > busiest[0]:
@@ -105,6 +115,8 @@ def watch(
     else:
         seen = Seen(Detections.concatenate(parts), count)
         drop_stationary(seen)
+    seen.notes.extend(notes)
+    seen.reading = None if reader is None else reader.reading()
     if verdict.reason is not None and count > 1:
         seen.notes.append(f"{verdict.reason[0].upper()}{verdict.reason[1:]}.")
     seen.image_bgr, seen.people_bgr = background.image(), busiest[1]
@@ -113,6 +125,28 @@ def watch(
             hidden = None if background.is_median else seen.detections.box_xyxy
             seen.edges = straight_edges(seen.image_bgr, hidden)
     return seen
+
+
+def _reader(
+    image_size: tuple[int, int], lens: Lens | None, options: Options, expected: int
+) -> OrientationReader | None:
+    if not options.uses_network:
+        return None
+    most = MOST_FRAMES if options.needs_network else NETWORK_FRAMES
+    step = max(1, -(-expected // most))
+    return OrientationReader(image_size, lens, focal_known=not options.estimate_focal, step=step)
+
+
+def _offered(reader: OrientationReader, frame: "Frame", options: Options, notes: list[str]) -> bool:
+    """Show the network a frame; false, with a note, where it cannot see and is not needed."""
+    try:
+        reader.offer(frame)
+    except InputError as error:
+        if options.needs_network:
+            raise
+        notes.append(f"The people alone were used: {error}.")
+        return False
+    return True
 
 
 def drop_stationary(seen: Seen) -> None:

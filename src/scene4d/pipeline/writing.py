@@ -6,6 +6,7 @@ import numpy as np
 
 from scene4d.model import Calibration, write_bytes, write_json
 from scene4d.pipeline.options import Run
+from scene4d.pipeline.orienting import OrientationReading
 from scene4d.pipeline.progress import Progress, timed
 from scene4d.pipeline.staging import ensure_folder, staged
 
@@ -33,6 +34,33 @@ def write(result: Run, out_dir: str | Path, *, command: str | None, progress: Pr
     return out / "report.html"
 
 
+def write_orientation(
+    reading: OrientationReading, out_dir: str | Path, *, progress: Progress
+) -> Path:
+    """Write orientation.json and figures/orientation.png; returns the figure's path.
+
+    Both or none (:func:`.staged`). Raises :class:`OutputError` where the folder cannot be written.
+    """
+    from scene4d.report.orientation import draw_orientation
+
+    out, name = ensure_folder(out_dir), "figures/orientation.png"
+    with (
+        progress.stage("Drawing the orientation", None),
+        staged(out, [name], last="orientation.json") as folder,
+    ):
+        picture = draw_orientation(
+            reading.belief,
+            reading.camera,
+            reading.image_bgr,
+            focal_known=reading.focal_known,
+            frames=reading.frames,
+        )
+        (folder / "figures").mkdir()
+        write_bytes(folder / name, picture)
+        write_json(folder / "orientation.json", reading.to_dict())
+    return out / name
+
+
 def _write_all(result: Run, folder: Path, command: str | None) -> None:
     from importlib.metadata import version
 
@@ -49,6 +77,7 @@ def _write_all(result: Run, folder: Path, command: str | None) -> None:
         ground_sigma_m=None
         if camera is None or not found
         else lambda uv: found.ground_sigma_m(camera.distort(uv)),
+        network=None if result.reading is None else result.reading.camera,
         source_name=result.source_name,
         command=command,
         timings=result.timings,

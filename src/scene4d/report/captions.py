@@ -7,12 +7,20 @@ from scene4d.report.birdseye import MAX_DOTS as ABOVE_DOTS
 from scene4d.report.histogram import inlier_heights
 from scene4d.report.overlay import MAX_DOTS, people_of
 
+_NETWORK = (
+    " The thin dashed line is the horizon that the orientation network reads in the pictures: a "
+    "second opinion, which knows nothing of the people."
+)
 
-def caption(name: str, calibration: Calibration) -> str:
-    """What to see in a figure."""
+
+def caption(name: str, calibration: Calibration, *, has_network: bool = False) -> str:
+    """What to see in a figure; ``has_network`` where the network's horizon is drawn."""
+    dashed = _NETWORK if has_network else ""
     if not calibration:
-        return "The people that were found. Without a camera nothing else can be drawn." + _sample(
-            calibration, MAX_DOTS
+        return (
+            "The people that were found. Without a camera little else can be drawn."
+            + dashed
+            + _sample(calibration, MAX_DOTS)
         )
     height = f"{calibration.person_height_m:.2f}"
     texts = {
@@ -20,6 +28,7 @@ def caption(name: str, calibration: Calibration) -> str:
             "What to check: the horizon lies where the ground would end if it went on for ever; "
             f"the uprights stand on the ground and are as tall as a person of {height} m "
             "beside them; the short white ticks run along the corners of buildings and along poles."
+            + dashed
             + _sample(calibration, MAX_DOTS)
         ),
         "birdseye": (

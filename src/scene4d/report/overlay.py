@@ -35,8 +35,13 @@ from scene4d.report.words import number
 MAX_DOTS, MAX_LINES = 1500, 250
 
 
-def draw_overlay(calibration: Calibration, image_bgr: np.ndarray | None = None) -> bytes:
-    """PNG of the frame with the geometry, or with the people alone where there is no camera."""
+def draw_overlay(
+    calibration: Calibration, image_bgr: np.ndarray | None = None, network: Camera | None = None
+) -> bytes:
+    """PNG of the frame with the geometry, or with the people alone where there is no camera.
+
+    ``network`` is the camera as the orientation network reads it, of which the horizon is drawn.
+    """
     segments, _ = people_of(calibration)
     fig, axes, strip = style.picture(image_bgr, calibration.image_size)
     camera = calibration.camera if calibration else None
@@ -45,6 +50,8 @@ def draw_overlay(calibration: Calibration, image_bgr: np.ndarray | None = None) 
         handles = _people(axes, segments, [(every, style.SEEN, "o", "person: foot and head")])
     else:
         handles = _geometry(axes, calibration, camera)
+    if network is not None:
+        handles += _second_horizon(axes, network)
     if handles:
         style.legend_below(fig, handles, strip)
     return style.png(fig)
@@ -180,12 +187,7 @@ def _ticks(axes: Axes, camera: Camera) -> list[Any]:
 def _horizon(axes: Axes, camera: Camera, covariance: Float[np.ndarray, "5 5"] | None) -> list[Any]:
     curve = horizon_curve(camera)
     if not in_frame(curve, camera.image_size).any():
-        where = "above" if camera.tilt_rad > 0 else "below"
-        where = where if abs(camera.tilt_rad) < np.radians(80) else "outside"
-        far = _rows_away(camera)
-        label = f"horizon: {far}{where} the picture"
-        mark = {"above": "^", "below": "v"}.get(where, "o")
-        return [Line2D([], [], ls="", marker=mark, ms=6, c=style.HORIZON, mec="k", label=label)]
+        return [_unseen(camera, "horizon", style.HORIZON)]
     if covariance is not None:
         upper, lower = horizon_band(camera, covariance, curve)
         whole = np.isfinite(upper).all(axis=1) & np.isfinite(lower).all(axis=1)
@@ -196,6 +198,31 @@ def _horizon(axes: Axes, camera: Camera, covariance: Float[np.ndarray, "5 5"] | 
     effects = style.halo(9.0 if band else 2.6, style.HORIZON if band else "#14181D")
     label = "horizon and its 95 % band" if band else "horizon"
     return [Line2D([], [], color="#0E9AA0", lw=1.6, path_effects=effects, label=label)]
+
+
+def _unseen(camera: Camera, name: str, colour: str) -> Line2D:
+    """The entry of a horizon that does not cross the picture."""
+    where = "above" if camera.tilt_rad > 0 else "below"
+    where = where if abs(camera.tilt_rad) < np.radians(80) else "outside"
+    label = f"{name}: {_rows_away(camera)}{where} the picture"
+    mark = {"above": "^", "below": "v"}.get(where, "o")
+    return Line2D([], [], ls="", marker=mark, ms=6, c=colour, mec="k", label=label)
+
+
+def _second_horizon(axes: Axes, network: Camera) -> list[Any]:
+    """Thin and dashed: a second opinion, not the answer."""
+    curve = horizon_curve(network)
+    if not in_frame(curve, network.image_size).any():
+        return [_unseen(network, "network's horizon", style.NETWORK)]
+    effects = style.halo(2.0)
+    look: dict[str, Any] = {
+        "color": style.NETWORK,
+        "lw": 1.1,
+        "ls": (0, (6, 4)),
+        "path_effects": effects,
+    }
+    axes.plot(*curve.T, zorder=1.9, **look)
+    return [Line2D([], [], label="network's horizon", **look)]
 
 
 def _rows_away(camera: Camera) -> str:

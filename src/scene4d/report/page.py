@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from scene4d.errors import OutputError
-from scene4d.model import Calibration, write_bytes
+from scene4d.model import Calibration, Camera, write_bytes
 from scene4d.report.words import number, parameter_rows, rounded_m, verdict
 
 FIGURES: tuple[str, ...] = ("overlay", "birdseye", "errormap", "heights")
@@ -36,6 +36,7 @@ def write_report(
     image_bgr: np.ndarray | None = None,
     people_bgr: np.ndarray | None = None,
     ground_sigma_m: Callable[[np.ndarray], np.ndarray] | None = None,
+    network: Camera | None = None,
     source_name: str = "footage",
     command: str | None = None,
     timings: Mapping[str, float] | None = None,
@@ -45,8 +46,9 @@ def write_report(
 
     ``image_bgr`` is the scene as decoded (h, w, 3) uint8, ``people_bgr`` a frame with people in it
     for the first figure (else the scene serves), ``ground_sigma_m`` maps undistorted
-    pixels (n, 2) to the predicted radial error (n,) in metres, NaN above the horizon; ``timings``
-    are seconds by stage. All figures are drawn before the first file is written; figures of an
+    pixels (n, 2) to the predicted radial error (n,) in metres, NaN above the horizon; ``network``
+    is a camera, of whatever height, as the orientation network reads it; ``timings`` are seconds by
+    stage. All figures are drawn before the first file is written; figures of an
     earlier report that this one lacks are removed. Raises :class:`InputError` for a frame of
     another size, :class:`OutputError` where the folder cannot be written.
     """
@@ -54,9 +56,9 @@ def write_report(
 
     image = checked_image(image_bgr, calibration.image_size)
     people = image if people_bgr is None else checked_image(people_bgr, calibration.image_size)
-    pictures = _draw(calibration, image, people, ground_sigma_m)
+    pictures = _draw(calibration, image, people, ground_sigma_m, network)
     provenance = _provenance(calibration, source_name, command, version)
-    page = _render(calibration, pictures, provenance, timings or {})
+    page = _render(calibration, pictures, provenance, timings or {}, network is not None)
     folder = _folder(Path(out_dir))
     for name in FIGURES:
         path = folder / "figures" / f"{name}.png"
@@ -88,13 +90,14 @@ def _draw(
     image: np.ndarray | None,
     people: np.ndarray | None,
     ground_sigma_m: Callable[[np.ndarray], np.ndarray] | None,
+    network: Camera | None,
 ) -> dict[str, bytes]:
     from scene4d.report.birdseye import draw_birdseye
     from scene4d.report.errormap import draw_error_map
     from scene4d.report.histogram import draw_histogram
     from scene4d.report.overlay import draw_overlay
 
-    pictures = {"overlay": draw_overlay(calibration, people)}
+    pictures = {"overlay": draw_overlay(calibration, people, network)}
     if not calibration or calibration.camera is None:
         return pictures
     above = draw_birdseye(calibration, image)
@@ -112,6 +115,7 @@ def _render(
     pictures: Mapping[str, bytes],
     provenance: list[tuple[str, str]],
     timings: Mapping[str, float],
+    has_network: bool,
 ) -> str:
     from scene4d.report.captions import caption, words_for_picture
 
@@ -120,7 +124,7 @@ def _render(
             name,
             data_uri(content),
             words_for_picture(name, calibration),
-            caption(name, calibration),
+            caption(name, calibration, has_network=has_network),
         )
         for name, content in pictures.items()
     }

@@ -17,6 +17,7 @@ from scene4d.errors import InputError
 INLIER, OUTLIER, SEEN = "#E0303A", "#3A8DFF", "#E69F00"
 UPRIGHT, HORIZON, TICK = "#FFC845", "#5FE3E8", "#FFFFFF"
 INK, FAINT, CANVAS = "#22272E", "#8A929C", "#414952"
+NETWORK = "#FF9BE8"
 # Okabe and Ito (2008), without the blues, which mean "outlier" here.
 TRACKS = ("#E69F00", "#009E73", "#CC79A7", "#F0E442", "#D55E00")
 BANDS = ("#FFFFCC", "#FEDD7F", "#FEAE45", "#F4622B", "#C9161D", "#6E0028")

@@ -22,10 +22,10 @@ def fused(beliefs: Sequence[Belief], *, correlation: float = CORRELATION) -> Bel
     """
     if not beliefs:
         return Belief.even()
-    kept = np.flatnonzero(~_strays(beliefs))
+    kept = [belief for belief, stray in zip(beliefs, _strays(beliefs), strict=True) if not stray]
     total = np.zeros_like(beliefs[0].log_p)
-    for n in kept:
-        total += beliefs[n].log_p
+    for belief in kept:
+        total += belief.log_p
     effective = len(kept) / (1 + (len(kept) - 1) * correlation)
     return Belief.normalised(total * (effective / len(kept)))
 

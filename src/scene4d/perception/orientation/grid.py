@@ -19,6 +19,7 @@ SHAPE = (len(ROLL_RAD), len(TILT_RAD), len(VFOV_RAD))
 ASPECT = (4, 3)
 """Width to height of the centred crop that is looked at."""
 NAMES = ("roll", "tilt", "vfov")
+_MOST = 0.98
 _AXES = (ROLL_RAD, TILT_RAD, np.log(VFOV_RAD))
 
 
@@ -87,6 +88,11 @@ class Belief:
             spread.append(np.sqrt(weight @ (nodes - weight @ nodes) ** 2))
         return np.array(spread) * [1, 1, self.mean()[2]]
 
+    def information(self) -> float:
+        """How much is known: nats by which the entropy is below that of an even distribution."""
+        terms = np.where(self.p > 0, self.p * self.log_p, 0.0)
+        return float(np.log(self.p.size) + terms.sum())
+
     def log_density_at(self, roll_rad: float, tilt_rad: float, vfov_rad: float) -> float:
         """Log-probability of the cell that holds these values; the outermost cells have no end."""
         at = tuple(
@@ -140,6 +146,9 @@ class Belief:
             weight = self.marginal(axis)
             mean.append(float(weight @ nodes))
             sigma.append(float(np.sqrt(weight @ (nodes - mean[-1]) ** 2)))
+        both = self.p.sum(axis=0)
+        together = (TILT_RAD - mean[1]) @ both @ (np.log(focal) - log_focal)
+        correlation = float(together / max(sigma[1] * focal_sigma, 1e-12))
         return Orientation(
             focal_px=float(np.exp(log_focal)),
             tilt_rad=mean[1],
@@ -147,4 +156,5 @@ class Belief:
             focal_sigma_px=float(np.exp(log_focal)) * focal_sigma,
             tilt_sigma_rad=sigma[1],
             roll_sigma_rad=sigma[0],
+            focal_tilt_correlation=float(np.clip(correlation, -_MOST, _MOST)),
         )

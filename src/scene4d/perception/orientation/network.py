@@ -6,14 +6,12 @@ the horizon everywhere in the picture as well. Trained by ``training/``; its mod
 docs/orientation.md.
 """
 
-import json
-from collections.abc import Iterable, Iterator
 from functools import cached_property
 from importlib.resources import files
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 from scipy.special import log_softmax
 
 from scene4d.errors import InputError
@@ -25,8 +23,8 @@ WEIGHTS = "network.onnx"
 _SMALLEST = 32
 
 
-def centre_crop(image_bgr: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "a b 3"]:
-    """The largest centred 4:3 part of a picture, a view of it."""
+def centre_crop(image_bgr: np.ndarray) -> np.ndarray:
+    """The largest centred 4:3 part of a picture (h, w, 3), a view of it."""
     height, width = image_bgr.shape[:2]
     across, along = crop_size((width, height))
     left, top = (width - across) // 2, (height - along) // 2
@@ -34,7 +32,7 @@ def centre_crop(image_bgr: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "a b
 
 
 class OrientationNetwork:
-    """The packaged network. ``beliefs`` of many pictures stream; nothing is kept."""
+    """The packaged network, or one given as the bytes of its ONNX file; loaded when first used."""
 
     def __init__(self, onnx_bytes: bytes | None = None) -> None:
         self._given = onnx_bytes
@@ -50,26 +48,16 @@ class OrientationNetwork:
         options.log_severity_level = 3
         return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
 
-    @cached_property
-    def power(self) -> float:
-        """Exponent that makes the network's probabilities honest, measured on held-out pictures."""
-        return float(json.loads(self._session.get_modelmeta().custom_metadata_map["power"]))
-
-    def belief(self, image_bgr: UInt8[np.ndarray, "h w 3"]) -> Belief:
-        """What one picture says about its camera.
+    def belief(self, image_bgr: np.ndarray) -> Belief:
+        """What one picture (h, w, 3), 8-bit BGR, says about its camera.
 
         Raises :class:`InputError` for a picture that is not 8-bit BGR or smaller than 32 pixels.
         """
-        return next(self.beliefs([image_bgr]))
-
-    def beliefs(self, images_bgr: Iterable[UInt8[np.ndarray, "h w 3"]]) -> Iterator[Belief]:
-        """As :meth:`belief`, one after the other."""
-        for image in images_bgr:
-            _, roll, pose = self.outputs(image)
-            yield Belief.normalised(self.power * (roll[:, None, None] + pose[None]))
+        _, roll, pose = self.outputs(image_bgr)
+        return Belief.normalised(roll[:, None, None] + pose[None])
 
     def outputs(
-        self, image_bgr: UInt8[np.ndarray, "h w 3"]
+        self, image_bgr: np.ndarray
     ) -> tuple[Float[np.ndarray, "4 r c"], Float[np.ndarray, "33"], Float[np.ndarray, "37 21"]]:
         """The dense head's cells, and the log-probabilities of roll and of (tilt, field of view).
 

@@ -1,6 +1,7 @@
 """The data sets of the paper, and PETS 2009."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from scene4d.errors import InputError
 from scene4d.evaluate import (
     PUBLISHED,
     Evaluation,
+    FewPeople,
     Reference,
     pets,
     spread_frames,
@@ -16,13 +18,21 @@ from scene4d.evaluate import (
     virat,
 )
 from scene4d.model import Orientation
-from scene4d.pipeline.evaluating.trials import HEIGHTS_M, Input, has_network, trials
+from scene4d.pipeline.evaluating.few import DRAWS, PEOPLE, WAYS, few_people
+from scene4d.pipeline.evaluating.trials import HEIGHTS_M, Input, trials
 from scene4d.pipeline.options import Options, Seen
 from scene4d.pipeline.progress import Progress
 from scene4d.pipeline.watching import annotated, watch
 
 VIDEO_SUFFIXES = (".avi", ".mp4", ".mkv", ".mov", ".mpg")
 _NO_VIDEO = "There is no video in this folder: what needs one was left out."
+_NO_PICTURES = (
+    "There are no pictures here to show to the orientation network: its rows are left out."
+)
+_LENT = (
+    "What the orientation network reads in the pictures is told to lines of mere boxes as well: "
+    "it is the same camera."
+)
 
 
 def evaluate_pets(data: str | Path, progress: Progress) -> Evaluation:
@@ -97,8 +107,10 @@ def _video(folder: Path, options: Options, progress: Progress) -> tuple[list[Inp
 
 
 def _watched(source: Path, options: Options, progress: Progress) -> Seen:
+    """What the footage shows; the orientation network looks at every frame that is sampled."""
     from scene4d.video.reader import open_source
 
+    options = replace(options, orientation="network")
     with open_source(source) as footage:
         return watch(footage, None, options, progress, {})
 
@@ -120,16 +132,20 @@ def _evaluated(
         truth = Orientation(camera.focal_px, camera.tilt_rad, camera.roll_rad)
     except InputError as error:
         notes.append(f"What needs the true orientation was left out: {error}")
-    network = has_network()
-    if not network:
-        notes.append("The orientation network is not part of this version: its rows are left out.")
-    tried = [trial for given in inputs for trial in trials(given, truth, network=network)]
+    tried = [trial for given in _lent(inputs, notes) for trial in trials(given, truth)]
     outcomes = []
     with progress.stage("Calibrating and scoring", len(tried) * len(HEIGHTS_M)) as step:
         for trial in tried:
             for height in HEIGHTS_M:
                 outcomes.append(trial.outcome(reference, height))
                 step(1)
+    few: list[FewPeople] = []
+    seeing = [given for given in inputs if given.seen.reading is not None]
+    with progress.stage(
+        "Drawing a few people", len(seeing) * len(WAYS) * len(PEOPLE) * DRAWS
+    ) as step:
+        for given in seeing:
+            few.extend(few_people(given, reference, notes, step))
     pictures = (given.seen.image_bgr for given in inputs)
     return Evaluation(
         name=name,
@@ -138,4 +154,21 @@ def _evaluated(
         published=PUBLISHED.get(name),
         image_bgr=next((image for image in pictures if image is not None), None),
         notes=tuple(notes),
+        few=tuple(few),
     )
+
+
+def _lent(inputs: Sequence[Input], notes: list[str]) -> list[Input]:
+    """The inputs, of which those without pictures borrow the reading of one that has some."""
+    readings = [given.seen.reading for given in inputs if given.seen.reading is not None]
+    if not readings:
+        notes.append(_NO_PICTURES)
+        return list(inputs)
+    if len(readings) < len(inputs):
+        notes.append(_LENT)
+    return [
+        given
+        if given.seen.reading is not None
+        else replace(given, seen=replace(given.seen, reading=readings[0]))
+        for given in inputs
+    ]

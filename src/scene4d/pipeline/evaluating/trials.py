@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from scene4d.calibration import person_segments
-from scene4d.errors import UnavailableError
 from scene4d.evaluate import PAPER_HEIGHTS_M, Outcome, Reference, Setting
 from scene4d.model import PERSON_HEIGHT_M, Orientation
 from scene4d.pipeline.options import Options, Seen
@@ -35,32 +34,28 @@ class Trial:
     orientation: Orientation | str | None = None
 
     def outcome(self, reference: Reference, person_height_m: float) -> Outcome:
-        """Calibrate and score; a refusal is an outcome too."""
+        """Calibrate and score; a refusal is an outcome too. Nothing told means: not by the
+        orientation network either.
+        """
         options = Options(
             person_height_m=person_height_m,
             method=self.setting.method,
-            orientation=self.orientation or "auto",
+            orientation=self.orientation or "people",
             # A focal length that was told stands against the lens's own.
-            estimate_focal=self.orientation is not None,
+            estimate_focal=isinstance(self.orientation, Orientation),
         )
         lens = reference.camera.lens if self.has_lens else None
         found = solved(self.seen, lens, options, told_orientation(options))
         return Outcome.scored(self.setting, found, reference)
 
 
-def has_network() -> bool:
-    """Whether the orientation network is installed."""
-    try:
-        told_orientation(Options(orientation="network"))
-    except UnavailableError:
-        return False
-    return True
+def trials(given: Input, truth: Orientation | None) -> Iterator[Trial]:
+    """Everything that is tried on an input; ``truth`` is None where no true camera is known.
 
-
-def trials(given: Input, truth: Orientation | None, *, network: bool) -> Iterator[Trial]:
-    """Everything that is tried on an input; ``truth`` is None where no true camera is known,
-    ``network`` says whether the orientation network is installed.
+    The orientation network is believed by the paper's method, which takes the mode of what it read
+    in the pictures, and guesses for the joint one, as in ``scene4d calibrate``.
     """
+    network = given.seen.reading is not None
     keypoints = not person_segments(given.seen.detections).from_box.all()
     boxes = replace(given.seen, detections=given.seen.detections.without_keypoints(), edges=None)
     of_boxes = f"{given.footage}, boxes" if keypoints else given.footage
@@ -88,6 +83,8 @@ def trials(given: Input, truth: Orientation | None, *, network: bool) -> Iterato
     if network:
         yield trial(of_boxes, "paper", "network", boxes, orientation="network")
     yield trial(of_boxes, "joint", "nothing", boxes)
+    if network:
+        yield trial(of_boxes, "joint", "network", boxes, orientation="auto")
     if truth is not None:
         yield trial(of_boxes, "joint", "lens", boxes, has_lens=True)
     if not keypoints:
@@ -99,4 +96,4 @@ def trials(given: Input, truth: Orientation | None, *, network: bool) -> Iterato
     if truth is not None:
         yield trial(name, "joint", "lens", given.seen, has_lens=True)
     if network:
-        yield trial(name, "joint", "network", given.seen, orientation="network")
+        yield trial(name, "joint", "network", given.seen, orientation="auto")

@@ -17,7 +17,7 @@ _OTHER = ("#009E73", "D")
 RULE = (
     "For each method the figures show one line of the table: for the paper’s method the first that "
     "was told the true orientation, at 1.7018 m as in its ROC figure; for the joint method the "
-    "first that was told nothing, at 1.70 m, which is what scene4d calibrate does by itself; where "
+    "first that was told nothing, at 1.70 m, which rests on what was seen of people alone; where "
     "these have no result, the first line of the method that has one. Circular lines are never "
     "shown. The rule does not look at the scores."
 )

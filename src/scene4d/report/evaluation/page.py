@@ -24,6 +24,7 @@ def render_evaluation(
     Angles are in degrees; ``timings`` are seconds by stage.
     """
     from scene4d.report.evaluation.captions import HEADINGS, caption, words_for_picture
+    from scene4d.report.evaluation.few import few_line
     from scene4d.report.evaluation.headline import RULE, headlines
     from scene4d.report.evaluation.summary import paragraphs, verdict
     from scene4d.report.evaluation.table import table
@@ -37,6 +38,7 @@ def render_evaluation(
         "verdict": verdict(evaluation),
         "paragraphs": paragraphs(evaluation),
         "table": table(evaluation),
+        "few": [few_line(row) for row in evaluation.few],
         "notes": [*evaluation.notes, *_missing(evaluation)],
         "rule": RULE if headlines(evaluation) and len(evaluation.settings()) > 1 else "",
         "headings": HEADINGS,

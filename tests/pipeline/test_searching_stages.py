@@ -1,0 +1,229 @@
+"""Scenes as stages: the clock, what is kept of it, and what the camera's error moves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from walks import CAMERA, SIZE
+
+from scene4d.activities.definition import Activity, Phase, Role, Term
+from scene4d.errors import InputError
+from scene4d.model import Calibration, Tracks
+from scene4d.pipeline import Silent
+from scene4d.pipeline.searching import found_in
+from scene4d.pipeline.searching.staging import Staged, camera_factor, stage_of, stages, thinned
+from scene4d.pipeline.tracking import TrackOptions, track_scene
+
+SIGMA = np.array([0.02, 0.01, 0.008, 0.05, 0.0])
+
+
+def known(sigma=SIGMA) -> Calibration:
+    """A calibration whose errors go together."""
+    mixed = np.diag(sigma) @ (0.5 * np.eye(5) + 0.5) @ np.diag(sigma)
+    return replace(Calibration.of_camera(CAMERA), covariance=mixed)
+
+
+def tracks_at(frames: dict[int, list[int]], fps: float = 30.0) -> Tracks:
+    """Objects that stand where their number is, seen in these frames."""
+    track = np.repeat(list(frames), [len(v) for v in frames.values()])
+    frame = np.concatenate([np.array(v, int) for v in frames.values()])
+    n = len(track)
+    unit = np.broadcast_to(np.eye(2), (n, 2, 2)).copy()
+    return Tracks(
+        track=track,
+        class_name=np.full(n, "person"),
+        time_s=frame / fps,
+        frame=frame,
+        xy_m=np.column_stack([track, 10.0 + track]).astype(float),
+        covariance_m2=0.01 * unit,
+        shared_covariance_m2=0 * unit,
+        velocity_mps=np.zeros((n, 2)),
+        velocity_covariance=0.01 * unit,
+        heading_rad=np.zeros(n),
+        heading_sigma_rad=np.ones(n),
+        box_xyxy=np.tile([10.0, 10, 20, 40], (n, 1)),
+        keypoint_uv=np.zeros((n, 0, 2)),
+        keypoint_score=np.zeros((n, 0)),
+        score=np.ones(n),
+        observed=np.ones(n, bool),
+    )
+
+
+def test_every_second_moment_is_kept_of_ten_a_second():
+    found, step = thinned(tracks_at({4: list(range(0, 60, 3)), 7: list(range(30, 90, 3))}), 0.2)
+    assert step == pytest.approx(0.2)
+    assert found.frame[found.track == 4].tolist() == list(range(0, 60, 6))
+    assert found.frame[found.track == 7].tolist() == list(range(30, 90, 6))
+
+
+def test_what_is_coarse_already_is_left_alone():
+    tracks = tracks_at({1: [0, 15, 30, 45]})
+    found, step = thinned(tracks, 0.2)
+    assert step == pytest.approx(0.5)
+    assert found.frame.tolist() == tracks.frame.tolist()
+
+
+def test_a_single_moment_and_none():
+    assert thinned(tracks_at({1: [3]}), 0.2)[1] == 0.2
+    nobody, step = thinned(tracks_at({1: [3]}).select(np.zeros(1, bool)), 0.2)
+    assert len(nobody) == 0
+    assert step == 0.2
+
+
+@given(
+    st.dictionaries(
+        st.integers(0, 5),
+        st.tuples(st.integers(0, 300), st.integers(2, 200)),
+        min_size=1,
+        max_size=5,
+    ),
+    st.sampled_from([1, 2, 3, 5]),
+    st.floats(0.01, 1.0),
+)
+def test_moments_are_shared_and_no_closer_than_the_step(spans, every, step_s):
+    frames = {k: list(range(a - a % every, a + n * every, every)) for k, (a, n) in spans.items()}
+    tracks = tracks_at(frames)
+    found, step = thinned(tracks, step_s)
+    kept = set(found.time_s.tolist())
+    # What is kept of one track is kept of all, and nothing else goes.
+    assert found.time_s.tolist() == [t for t in tracks.time_s.tolist() if t in kept]
+    own = float(np.median(np.diff(np.unique(tracks.time_s))))
+    assert step == pytest.approx(own * max(1, np.floor(step_s / own + 1e-6)))
+    # One moment for each step of the clock: what counts steps never meets two at once.
+    ticks = np.rint(np.array(sorted(kept)) / step)
+    assert len(set(ticks.tolist())) == len(kept)
+    assert set(ticks.tolist()) == set(np.rint(tracks.time_s / step).tolist())
+
+
+def test_the_factor_is_a_root_of_the_ground_covariance():
+    calibration = known()
+    uv = np.array([[100.0, 300.0], [500.0, 250.0], [320.0, 470.0]])
+    xy = CAMERA.locate(uv)[0]
+    factor = camera_factor(calibration, xy)
+    expected, _ = calibration.ground_covariance(uv, from_camera=True)
+    np.testing.assert_allclose(factor @ np.swapaxes(factor, 1, 2), expected, rtol=1e-4, atol=1e-9)
+
+
+def test_the_factor_says_how_far_pairs_come_apart():
+    """Against cameras drawn from the covariance: the spread of the difference of two places."""
+    rng = np.random.default_rng(3)
+    calibration = known(0.1 * SIGMA)
+    uv = np.array([[100.0, 300.0], [500.0, 250.0]])
+    factor = camera_factor(calibration, CAMERA.locate(uv)[0])
+    drawn = rng.multivariate_normal(np.zeros(5), calibration.covariance, 4000)
+    apart = []
+    for step in drawn:
+        xy = CAMERA.disturbed(step).locate(uv)[0]
+        apart.append(xy[1] - xy[0])
+    difference = factor[1] - factor[0]
+    np.testing.assert_allclose(
+        difference @ difference.T, np.cov(np.array(apart).T), rtol=0.1, atol=1e-4
+    )
+
+
+def test_a_camera_without_a_covariance_has_no_factor():
+    assert camera_factor(Calibration.of_camera(CAMERA), np.array([[0.0, 10.0]])) is None
+
+
+def test_unknown_places_have_unknown_factors():
+    factor = camera_factor(known(), np.array([[0.0, 10.0], [np.nan, np.nan], [0.0, -50.0]]))
+    assert np.isfinite(factor[0]).all()
+    assert np.isnan(factor[1:]).all()
+
+
+def test_frames_of_times():
+    staged = Staged(stage_of(tracks_at({1: [30, 36, 42], 2: [60, 66]}), known()), "here")
+    assert staged.frame_at(1.2) == 36
+    assert staged.frame_at(1.3) == 39
+    assert staged.frame_at(1.7) == 51
+    assert staged.frame_at(0.0) == 30
+    assert staged.frame_at(9.0) == 66
+
+
+def test_zones_and_lines_come_along():
+    square = np.array([[0.0, 0], [1, 0], [1, 1]])
+    stage = stage_of(
+        tracks_at({1: [0, 3]}), known(), zones={"door": square}, lines={"gate": square}
+    )
+    assert set(stage.zones) == {"door"}
+    assert set(stage.lines) == {"gate"}
+    assert stage.image_size == SIZE
+
+
+@pytest.fixture
+def scene(tmp_path, camera):
+    """Two runs of one camera: one after the other in one folder."""
+    out = tmp_path / "scene"
+    for name in ("first", "second"):
+        rows = [
+            f"{frame + 1},{track},{100 + 3 * frame},{150 + 40 * track},20,60,1,-1,-1,-1\n"
+            for frame in range(40)
+            for track in (1, 2)
+        ]
+        path = tmp_path / f"{name}.txt"
+        path.write_text("".join(rows))
+        track_scene(
+            None, out, TrackOptions(camera, annotations=path, name="cam", fps=10.0), Silent()
+        )
+    from scene4d.scene.query import Scene
+
+    return Scene.open(out)
+
+
+def test_runs_are_stages_of_their_own(scene):
+    found = list(stages(scene))
+    assert [one.run.run for one in found] == [run.run for run in scene.runs]
+    seen = [set(one.stage.tracks.track.tolist()) for one in found]
+    assert not seen[0] & seen[1]
+    assert set().union(*seen) == set(scene.tracks().track.tolist())
+    for one in found:
+        assert one.camera == "cam"
+        assert one.stage.step_s == pytest.approx(0.2)
+        assert one.stage.camera_factor is None
+        order = np.lexsort([one.stage.tracks.time_s, one.stage.tracks.track])
+        assert (order == np.arange(len(order))).all()
+
+
+def test_cameras_are_chosen(scene):
+    assert len(list(stages(scene, cameras=["cam"]))) == 2
+    assert list(stages(scene, cameras=[])) == []
+    with pytest.raises(InputError, match="'other'"):
+        list(stages(scene, cameras=["other"]))
+
+
+NEAR = Activity(
+    "stands_together",
+    (Role("person", ("person",)), Role("vehicle", ("car",))),
+    (Phase("together", (Term("near", ("person", "vehicle"), {"tau_m": 4.0}),), 2.0),),
+)
+
+
+def staged_pair(second: str) -> Staged:
+    """Two objects a metre and a half from one another, from frame 30 to 120 of 30 a second."""
+    tracks = tracks_at({1: list(range(30, 121, 3)), 2: list(range(30, 121, 3))})
+    kinds = np.where(tracks.track == 1, "person", second)
+    return Staged(stage_of(replace(tracks, class_name=kinds), known()), "here")
+
+
+def test_events_have_the_frames_of_the_footage():
+    (found,) = found_in([staged_pair("car")], [NEAR])
+    assert found.event.activity == "stands_together"
+    assert dict(found.event.roles) == {"person": 1, "vehicle": 2}
+    assert found.begin_frame == round(30 * found.event.begin_s)
+    assert found.end_frame == round(30 * found.event.end_s)
+    assert 30 <= found.begin_frame < found.end_frame <= 120
+    assert found.staged.camera == "here"
+
+
+def test_a_clip_with_nobody_for_a_role_holds_no_event():
+    assert list(found_in([staged_pair("bicycle")], [NEAR])) == []
+    everybody = [staged_pair("bicycle"), staged_pair("car"), staged_pair("car")]
+    assert len(list(found_in(everybody, [NEAR]))) == 2
+
+
+def test_only_events_with_the_least_score():
+    (found,) = found_in([staged_pair("car")], [NEAR])
+    above = min(1.0, found.event.score + 1e-6)
+    assert list(found_in([staged_pair("car")], [NEAR], min_score=above)) == []
