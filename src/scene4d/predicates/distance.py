@@ -5,11 +5,45 @@ from jaxtyping import Float
 from scipy.special import ndtr
 
 from scene4d.errors import InputError
+from scene4d.predicates.rows import Rows
+from scene4d.predicates.separation import Separation
 
 NEAR_TAU_M = 4.0
 """Distance below which two things are near (Wagner et al. 2019)."""
 NEAR_SIGMA_M = 1.0
 """Softness of the word "near"; the paper gives none, and 1 m is about its own position error."""
+
+SAME_PLACE_M = 1.5
+SAME_PLACE_SIGMA_M = 0.5
+
+
+def near(
+    a: Rows, b: Rows, *, tau_m: float = NEAR_TAU_M, sigma_m: float = NEAR_SIGMA_M
+) -> Float[np.ndarray, "m"]:
+    """P(a and b are near): :func:`near_probability` of their distance, whose variance along the
+    line between them is ``uᵀ (C_a + C_b + D Dᵀ) u`` (:class:`Separation`). τ and σ in metres
+    (Wagner et al. 2019). NaN where one of them has no position.
+    """
+    way = Separation.between(a, b)
+    return near_probability(
+        way.distance_m, tau_m=tau_m, sigma_m=sigma_m, distance_sigma_m=way.distance_sigma_m
+    )
+
+
+def far(
+    a: Rows, b: Rows, *, tau_m: float = NEAR_TAU_M, sigma_m: float = NEAR_SIGMA_M
+) -> Float[np.ndarray, "m"]:
+    """P(a and b are far from one another): the rest to :func:`near` with the same τ, metres."""
+    return 1 - near(a, b, tau_m=tau_m, sigma_m=sigma_m)
+
+
+def same_place(
+    a: Rows, b: Rows, *, tau_m: float = SAME_PLACE_M, sigma_m: float = SAME_PLACE_SIGMA_M
+) -> Float[np.ndarray, "m"]:
+    """P(a and b stand in one place): :func:`near` within a step. The rows may be of different
+    times: where something stood is where the caller aligns it.
+    """
+    return near(a, b, tau_m=tau_m, sigma_m=sigma_m)
 
 
 def near_probability(

@@ -1,0 +1,190 @@
+"""Who comes into view and who is gone, when neither the picture's border nor an obstacle says why.
+
+An end of a track proves little by itself: people walk out of the picture, or behind something.
+What is judged of each end is the last (or first) box that was seen, and where its motion in the
+picture would have carried it half a second later (or earlier):
+
+- *border*: how far the sides of both boxes keep from the sides of the picture, in units of the
+  box's size ``√(w h)``: ``Φ((margin - 0.1) / 0.05)``;
+- *hidden*: for every other object in view then, the share of either box that its box covers,
+  ``Φ((share - 0.5) / 0.15)``, times the probability that it stands before a, that is lower in the
+  picture: ``Φ((bottom - bottom_a) / (0.05 h_a))``;
+- *clip*: an end within about half a second of the stage's own is none:
+  ``1 - exp(-½ (gap / ½ s)²)``.
+
+They rest on pixels alone, so on no calibration. Constants are rules of thumb, chosen beforehand.
+"""
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.special import ndtr
+
+from scene4d.predicates.rows import Rows, Stage
+from scene4d.predicates.turning import window
+
+END_SIGMA_S = 1.0
+LOOK_S = 0.5
+BORDER_SHARE, BORDER_SIGMA = 0.1, 0.05
+COVERED_SHARE, COVERED_SIGMA = 0.5, 0.15
+BEFORE_SIGMA = 0.05
+CLIP_SIGMA_S = 0.5
+
+
+def disappears(a: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[np.ndarray, "m"]:
+    """P(a is gone from view at about this moment, inside the picture and behind nothing).
+
+    ``exp(-½ (t - t_end)² / σ²)`` with the moment t_end at which a was last seen, times the factors
+    *border*, *clip* and ``1 - max(hidden)`` of this module. Whatever covers a counts as an
+    obstacle, a parked vehicle too: who walks behind it is not gone. Who enters it is covered by it
+    as well, for that see :func:`disappears_into`. NaN where a was never seen in the picture.
+    """
+    return _end(a, None, True, sigma_s)
+
+
+def appears(a: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[np.ndarray, "m"]:
+    """P(a comes into view at about this moment, inside the picture and from behind nothing):
+    :func:`disappears` with time reversed.
+    """
+    return _end(a, None, False, sigma_s)
+
+
+def disappears_into(a: Rows, b: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[np.ndarray, "m"]:
+    """P(a is gone, and nothing but b may hide it): :func:`disappears`, for which b is no obstacle.
+
+    A person who gets into a vehicle on its far side is covered by it, always, so that b's cover
+    says nothing against it. Nor does it say anything for it: that the person was near, and walked
+    there, are predicates of their own.
+    """
+    return _end(a, b, True, sigma_s)
+
+
+def appears_from(a: Rows, b: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[np.ndarray, "m"]:
+    """P(a comes into view, and nothing but b may have hidden it): :func:`disappears_into` with time
+    reversed.
+    """
+    return _end(a, b, False, sigma_s)
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """One end of every track: its moment, what speaks for it, and the two that hide it most.
+
+    ``whom`` is the position of the hiding track in the stage, -1 for none.
+    """
+
+    time_s: Float[np.ndarray, "t"]
+    free: Float[np.ndarray, "t"]
+    hidden: Float[np.ndarray, "t 2"]
+    whom: Int[np.ndarray, "t 2"]
+
+
+_KEPT: "WeakKeyDictionary[Stage, dict[bool, _Ends]]" = WeakKeyDictionary()
+"""Ends belong to the stage alone: they are judged once for all predicates that ask."""
+
+
+def _end(a: Rows, b: Rows | None, last: bool, sigma_s: float) -> np.ndarray:
+    kept = _KEPT.setdefault(a.stage, {})
+    if last not in kept:
+        kept[last] = _ends(a.stage, last)
+    ends, track = kept[last], a.stage.track_of_row[a.index]
+    hidden = ends.hidden[track, 0]
+    if b is not None:
+        other = b.stage.track_of_row[b.index]
+        hidden = np.where(ends.whom[track, 0] == other, ends.hidden[track, 1], hidden)
+    bump = np.exp(-(((a.time_s - ends.time_s[track]) / sigma_s) ** 2) / 2)
+    return np.asarray(bump * ends.free[track] * (1 - hidden))
+
+
+def _ends(stage: Stage, last: bool) -> _Ends:
+    tracks, count = stage.tracks, len(stage.first_row)
+    time_s, free = np.full((2, count), np.nan)
+    hidden, whom = np.zeros((count, 2)), np.full((count, 2), -1)
+    seen = np.flatnonzero(tracks.observed & np.isfinite(tracks.box_xyxy).all(axis=1))
+    if not len(seen):
+        return _Ends(time_s, free, hidden, whom)
+    owner = stage.track_of_row[seen]
+    changes = owner[1:] != owner[:-1]
+    row = seen[np.append(changes, True) if last else np.append(True, changes)]
+    track = stage.track_of_row[row]
+    time_s[track] = tracks.time_s[row]
+    now, then = tracks.box_xyxy[row], _carried_on(stage, row, last)
+    size = np.sqrt(np.maximum((now[:, 2] - now[:, 0]) * (now[:, 3] - now[:, 1]), 1.0))
+    margin = np.minimum(*(_margin(box, stage.image_size) for box in (now, then))) / size
+    everything = tracks.time_s.max() if last else tracks.time_s.min()
+    clip = 1 - np.exp(-(((time_s[track] - everything) / CLIP_SIGMA_S) ** 2) / 2)
+    free[track] = ndtr((margin - BORDER_SHARE) / BORDER_SIGMA) * clip
+    _hide(stage, track, row, seen, (now, then), hidden, whom)
+    return _Ends(time_s, free, hidden, whom)
+
+
+def _carried_on(stage: Stage, row: np.ndarray, last: bool) -> np.ndarray:
+    """The boxes half a second on, by their motion in the picture over the half second before."""
+    tracks = stage.tracks
+    early, late = window(stage, row, LOOK_S)
+    from_row = early if last else late
+    # Where that row was bridged there is no box, and the motion is unknown: none.
+    before = tracks.box_xyxy[from_row]
+    taken = np.abs(tracks.time_s[row] - tracks.time_s[from_row])
+    now = tracks.box_xyxy[row]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shift = (now + now[:, [2, 3, 0, 1]] - before - before[:, [2, 3, 0, 1]]) / 2
+        shift = shift * (LOOK_S / taken)[:, None]
+    return np.asarray(now + np.where(np.isfinite(shift), shift, 0.0))
+
+
+def _margin(box: np.ndarray, image_size: tuple[int, int]) -> np.ndarray:
+    """Smallest distance of a box's sides from those of the picture, pixels; negative outside."""
+    width, height = image_size
+    sides = [box[:, 0], box[:, 1], width - 1 - box[:, 2], height - 1 - box[:, 3]]
+    return np.asarray(np.minimum.reduce(sides))
+
+
+def _hide(
+    stage: Stage,
+    track: np.ndarray,
+    row: np.ndarray,
+    seen: np.ndarray,
+    boxes: tuple[np.ndarray, np.ndarray],
+    hidden: np.ndarray,
+    whom: np.ndarray,
+) -> None:
+    """Find for every end the two objects that hide it most, and how much."""
+    tracks = stage.tracks
+    time = tracks.time_s[row]
+    order = np.argsort(time, kind="stable")
+    # Which ends fall within half a step of every row that was seen?
+    reach, at = 0.501 * stage.step_s, tracks.time_s[seen]
+    low = np.searchsorted(time[order], at - reach)
+    count = np.searchsorted(time[order], at + reach, side="right") - low
+    other = np.repeat(seen, count)
+    if not len(other):
+        return
+    offset = np.arange(len(other)) - np.repeat(np.cumsum(count) - count, count)
+    end = order[np.repeat(low, count) + offset]
+    foreign = stage.track_of_row[other] != track[end]
+    other, end = other[foreign], end[foreign]
+    box = tracks.box_xyxy[other]
+    covered = np.maximum(*(_covered(part[end], box) for part in boxes))
+    now = boxes[0][end]
+    depth = (box[:, 3] - now[:, 3]) / (BEFORE_SIGMA * np.maximum(now[:, 3] - now[:, 1], 1.0))
+    value = ndtr((covered - COVERED_SHARE) / COVERED_SIGMA) * ndtr(depth)
+    value[covered == 0] = 0.0
+    by = stage.track_of_row[other]
+    # Largest first within every end; an object counts once.
+    for rank in range(2):
+        best = np.zeros(len(row))
+        np.maximum.at(best, end, value)
+        top = (value == best[end]) & (value > 0)
+        hidden[track, rank] = best
+        whom[track[end[top]], rank] = by[top]
+        value = np.where(by == whom[track[end], rank], 0.0, value)
+
+
+def _covered(box: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """Share of the boxes that others cover."""
+    low, high = np.maximum(box[:, :2], by[:, :2]), np.minimum(box[:, 2:], by[:, 2:])
+    both = np.clip(high - low, 0.0, None).prod(axis=1)
+    return np.asarray(both / np.maximum((box[:, 2:] - box[:, :2]).prod(axis=1), 1e-9))
