@@ -14,7 +14,7 @@ from scene4d.scene.runs import Run
 STEP_S = 0.2
 """Time between two rows of a track: people and vehicles do little in less, and a search takes time
 by rows."""
-Places = Mapping[str, Float[np.ndarray, "m 2"]]
+Places = Mapping[str, Float[np.ndarray, "_ 2"]]
 """Zones or lines by their names, on the ground in metres."""
 _ROUNDING = 1e-6
 

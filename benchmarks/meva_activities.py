@@ -1,0 +1,71 @@
+"""How well activities are found on the two MEVA cameras that constants are chosen on.
+
+    python benchmarks/meva_activities.py [--data DIR] [--activity NAME ...] [--ours]
+
+DIR holds meva/. With --ours the baselines are left out. The cameras that `scene4d evaluate meva`
+reports are never looked at: this is what constants may be chosen by.
+"""
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+from scene4d.evaluate.activity_evaluation import FALSE_PER_MINUTE
+from scene4d.evaluate.activity_scores import average_precision, det_curve
+from scene4d.pipeline import Silent
+from scene4d.pipeline.evaluating.meva import (
+    METHODS,
+    METRES_PER_PX,
+    OURS,
+    PIXELS,
+    TUNED,
+    labelled_activities,
+    meva_clips,
+    ranked_by,
+    seen_by,
+)
+
+ROOT = Path(__file__).parents[1]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    folder = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
+    parser.add_argument("--data", type=Path, default=Path(folder))
+    parser.add_argument("--activity", nargs="*", default=None)
+    parser.add_argument("--ours", action="store_true")
+    arguments = parser.parse_args()
+    begun = time.perf_counter()
+    clips = meva_clips(arguments.data / "meva", TUNED, Silent())
+    print(f"cameras {' '.join(TUNED)}: {len(clips)} clips in {time.perf_counter() - begun:.1f} s")
+    show(clips, arguments.activity, (OURS,) if arguments.ours else METHODS)
+
+
+def show(clips, names, methods) -> None:
+    """One line per activity: labels; average precision, and misses at 0.15 and 0.02 a minute."""
+    means = {}
+    ways = {}
+    for method in methods:
+        for factor in METRES_PER_PX if method is PIXELS else (1.0,):
+            title = f"{method.name} {factor:g}" if method is PIXELS else method.name
+            ways[title] = method, seen_by(method, clips, factor)
+    for name, activity in labelled_activities().items():
+        if names is not None and name not in names:
+            continue
+        cells = [str(sum(len(clip.label_s(activity.labels)) for clip in clips))]
+        for title, (method, seen) in ways.items():
+            ranked = ranked_by(method, clips, seen, activity)
+            found = None if ranked is None else average_precision(ranked)
+            if found is None:
+                cells.append(f"{title} -")
+                continue
+            means.setdefault(title, []).append(found)
+            missed = [f"{det_curve(ranked).missed_at(rate):.2f}" for rate in FALSE_PER_MINUTE]
+            cells.append(f"{title} {found:.2f} ({' '.join(missed)})")
+        print(f"{name:26s} {'  '.join(cells)}", flush=True)
+    print("mean", "  ".join(f"{title} {sum(v) / len(v):.3f}" for title, v in means.items()))
+
+
+if __name__ == "__main__":
+    main()

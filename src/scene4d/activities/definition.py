@@ -1,0 +1,67 @@
+"""What an activity is: roles, and phases of predicates in time."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+ALLEN = (
+    "before", "meets", "overlaps", "starts", "during", "finishes", "equals",
+    "after", "met_by", "overlapped_by", "started_by", "contains", "finished_by",
+)  # fmt: skip
+"""Relations of two intervals (Allen 1983)."""
+
+
+@dataclass(frozen=True)
+class Role:
+    """A part in an activity: who may play it. ``classes`` are those of :data:`model.CLASSES`."""
+
+    name: str
+    classes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Term:
+    """A predicate of one or two roles, with its parameters; ``negated`` asks for its opposite."""
+
+    predicate: str
+    roles: tuple[str, ...]
+    parameters: Mapping[str, float | str] = field(default_factory=dict)
+    negated: bool = False
+
+
+@dataclass(frozen=True)
+class Phase:
+    """An interval in which all terms hold, lasting from ``min_s`` to ``max_s``.
+
+    ``gap_s`` is the longest pause between the phase before it and this one.
+    """
+
+    name: str
+    terms: tuple[Term, ...]
+    min_s: float = 0.0
+    max_s: float = float("inf")
+    gap_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class Relation:
+    """How two phases lie in time (:data:`ALLEN`), where that is not one after the other."""
+
+    first: str
+    relation: str
+    second: str
+
+
+@dataclass(frozen=True)
+class Activity:
+    """Roles, phases in their order, and what is said of it.
+
+    ``phrases`` are ways to ask for it in words; ``labels`` its names in other people's data (MEVA).
+    """
+
+    name: str
+    roles: tuple[Role, ...]
+    phases: tuple[Phase, ...]
+    relations: tuple[Relation, ...] = ()
+    phrases: tuple[str, ...] = ()
+    labels: tuple[str, ...] = ()
+    description: str = ""

@@ -1,0 +1,210 @@
+"""``scene4d search``: words in, ranked events out."""
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scene4d.cli.arguments import Json
+from scene4d.cli.guard import guarded
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from scene4d.pipeline.finding import Asked, FoundEvent, Search
+
+_ASKED = "What is asked for"
+_RESULT = "What comes out"
+
+
+@guarded
+def search(
+    scenes: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="SCENE...",
+            help="Folders that track wrote: one scene, or several at once.",
+            show_default=False,
+        ),
+    ],
+    words: Annotated[
+        str,
+        typer.Argument(
+            metavar="WORDS",
+            help='What to look for, in quotes, as "person enters vehicle".',
+            show_default=False,
+        ),
+    ],
+    *,
+    top: Annotated[
+        int,
+        typer.Option(metavar="N", min=1, help="Events shown; --json and --actev have all."),
+    ] = 10,
+    min_score: Annotated[
+        float,
+        typer.Option(metavar="P", min=0.0, max=1.0, help="Least probability of an event."),
+    ] = 0.05,
+    catalogue: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE",
+            help="YAML file of your own activities, beside the built-in ones. May be repeated.",
+            rich_help_panel=_ASKED,
+            show_default=False,
+        ),
+    ] = None,
+    zones: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Named zones and lines on the ground, in metres: GeoJSON, or names with points.",
+            rich_help_panel=_ASKED,
+            show_default=False,
+        ),
+    ] = None,
+    footage: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE|DIR",
+            help="Footage for the clips of --out, where it is not where it was tracked.",
+            rich_help_panel=_RESULT,
+            show_default=False,
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Folder for search.html, a page with clips and paths, and events.json.",
+            rich_help_panel=_RESULT,
+            show_default=False,
+        ),
+    ] = None,
+    actev: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="All events in the JSON that NIST's ActEV_Scorer reads.",
+            rich_help_panel=_RESULT,
+            show_default=False,
+        ),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Find what is said in words in what cameras tracked: who, when, where, and why it fits.
+
+    The words are taken apart into predicates, probabilities of what happens in space and time, and
+    these are shown first. Events come best first. docs/search.md shows how to ask, and
+    docs/search-language.md what is understood.
+
+    [bold]Examples[/bold]
+
+      scene4d search scene "person enters vehicle"
+      scene4d search scene "two people meet" --out meetings --top 20
+      scene4d search north south "person crosses line gate" --zones places.json
+      scene4d search scene "vehicle stops" --min-score 0.3 --json
+    """
+    absent = [path for path in scenes if not path.is_dir()]
+    if absent:
+        raise typer.BadParameter(
+            f"{absent[0]} is no folder; give scenes, and then the words in quotes, as "
+            '"person enters vehicle"',
+            param_hint="SCENE",
+        )
+    if footage is not None and out is None:
+        raise typer.BadParameter("is for the page of --out", param_hint="--footage")
+    from contextlib import nullcontext
+
+    from scene4d.cli.folder import output_folder
+    from scene4d.cli.progress import shown
+    from scene4d.pipeline import finding
+    from scene4d.scene.query import Scene
+
+    scene = Scene.open(*scenes)
+    asked = finding.understand(scene, words, catalogues=catalogue or (), zones=zones)
+    if not as_json:
+        _show_understood(asked)
+    with nullcontext() if out is None else output_folder(out), shown() as progress:
+        done = finding.search(
+            scene,
+            asked,
+            min_score=min_score,
+            keep=0 if out is None else top,
+            progress=progress,
+        )
+        if out is not None:
+            from scene4d.pipeline.finding.writing import write_search
+
+            write_search(done, scene, out, progress, top=top, footage=footage, command=_command())
+        if actev is not None:
+            from scene4d.pipeline.finding.actev import write_actev
+
+            write_actev(done, actev)
+    _finish(done, top=top, out=out, actev=actev, as_json=as_json)
+
+
+def _command() -> str:
+    import shlex
+
+    return shlex.join(["scene4d", *sys.argv[1:]])
+
+
+def _show_understood(asked: "Asked") -> None:
+    from scene4d.activities.language import explain
+    from scene4d.cli.output import screen
+
+    query = asked.query
+    with screen() as console:
+        console.print(f"Understood  {query.text}", style="bold", soft_wrap=True)
+        for line in explain(query.activity, query.window, ()):
+            console.print(f"  {line}", soft_wrap=True)
+        for note in asked.notes:
+            console.print(f"Note: {note}", style="yellow", soft_wrap=True)
+        console.print()
+
+
+def _finish(
+    done: "Search", *, top: int, out: Path | None, actev: Path | None, as_json: bool
+) -> None:
+    from scene4d.cli.output import emit_json, screen
+
+    if as_json:
+        emit_json(done.to_dict())
+        return
+    from scene4d.pipeline.finding.telling import verdict
+
+    shown = done.events[:top]
+    with screen() as console:
+        less = len(done.events) - len(shown)
+        rest = f" The {len(shown)} best of them:" if less else ""
+        console.print(f"{verdict(done)}{rest}", style="bold", soft_wrap=True)
+        for number, found in enumerate(shown, 1):
+            console.print()
+            _show_event(console, number, found)
+        taken = ", ".join(f"{name} {s:.1f} s" for name, s in done.timings.items())
+        console.print(f"\nTime taken  {taken or 'none'}", style="dim")
+        if out is not None:
+            console.print(f"Page        {out / 'search.html'}", soft_wrap=True)
+        if actev is not None:
+            console.print(f"ActEV       {actev}", soft_wrap=True)
+
+
+def _show_event(console: "Console", number: int, found: "FoundEvent") -> None:
+    from rich.padding import Padding
+    from rich.text import Text
+
+    from scene4d.pipeline.finding.telling import clip_name, when
+    from scene4d.report.search.why import why_groups
+
+    roles = ", ".join(f"{role} {track}" for role, track in found.event.roles.items())
+    console.print(
+        f"{number:3d}  {found.event.score:.2f}  {when(found)}  camera {found.run.camera}",
+        style="bold",
+        soft_wrap=True,
+    )
+    console.print(f"     {roles}  in {clip_name(found.run)}", soft_wrap=True)
+    for phase, terms in why_groups(found.event.why):
+        said = ", ".join(f"{term} {value}" for term, value, _ in terms)
+        line = f"{phase}: {said}" if phase else said
+        console.print(Padding(Text(line, style="dim"), (0, 0, 0, 5)))
