@@ -142,6 +142,21 @@ def test_a_lasting_state_around_an_event_is_an_allen_relation():
     )
 
 
+def test_a_moment_beside_what_lasts():
+    """A moment and an activity with "and" come in order; with "while" one is within the other."""
+    query = parsed("vehicle stops and person crosses line gate")
+    assert [phase.name for phase in query.activity.phases][-1] == "crosses"
+    assert any('is taken as "then"' in note for note in query.notes)
+    within = parsed("person crosses line gate while vehicle turns left").activity
+    assert within.relations == (Relation("crosses", "during", "turns"),)
+    within = parsed("person near vehicle for 1 min while another person crosses line gate").activity
+    assert within.relations == (Relation("crosses", "during", "near"),)
+    with pytest.raises(InputError, match="while"):
+        parsed("person crosses line gate while vehicle stops")
+    both = parsed("person crosses line gate while a vehicle is moving").activity
+    assert [(p.min_s, p.max_s, len(p.terms)) for p in both.phases] == [(0.2, 1, 2)]
+
+
 def test_a_state_beside_an_event_holds_throughout_it():
     activity = parsed("person enters vehicle while another vehicle is moving").activity
     assert all(phase.terms[-1].roles == ("vehicle_2",) for phase in activity.phases)

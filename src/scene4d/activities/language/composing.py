@@ -59,27 +59,40 @@ class Composer:
 
     def _together(self, first: Piece, second: Piece, link: str, span: Span) -> tuple[Piece, str]:
         """Two pieces at the same time, or in order where "and" cannot mean that."""
+        if link == "while":
+            return self._while(first, second, span), ""
         if first.is_event and second.is_event:
-            if link == "while":
-                raise refuse(
-                    self.text,
-                    span[0],
-                    '"while" needs a state at one of its sides, such as "is near a vehicle"',
-                )
             return self._and_then(first, second)
         if first.is_event or second.is_event:
-            event, lasting = (first, second) if first.is_event else (second, first)
-            if lasting.is_instant:
+            event, other = (first, second) if first.is_event else (second, first)
+            if other.is_instant or other.is_timed:
                 return self._and_then(first, second)
-            if lasting.least_s is not None or lasting.most_s is not None:
-                is_while = link == "while"
-                return (during(event, lasting), "") if is_while else self._and_then(first, second)
-            return throughout(event, lasting.terms), ""
-        if first.is_instant != second.is_instant:
-            least = first.least_s or second.least_s
-            if least is not None and least > self.assumed["instant_max_s"]:
-                return self._and_then(first, second)
+            return throughout(event, other.terms), ""
+        if self._is_moment_in(first, second) or self._is_moment_in(second, first):
+            return self._and_then(first, second)
         return self._merged(first, second, span), ""
+
+    def _while(self, first: Piece, second: Piece, span: Span) -> Piece:
+        """Two pieces at the same time: the shorter within the longer where they cannot be one."""
+        for inner, outer in ((first, second), (second, first)):
+            if self._is_moment_in(inner, outer):
+                return during(inner, outer)
+            if inner.is_event and not outer.is_event and not outer.is_instant:
+                return during(inner, outer) if outer.is_timed else throughout(inner, outer.terms)
+            if inner.is_instant and outer.is_event and len(outer.phases) == 1:
+                return during(inner, outer)
+        if first.is_event or second.is_event:
+            raise refuse(
+                self.text,
+                span[0],
+                '"while" needs a state that lasts at one of its sides, such as "is near a vehicle"',
+            )
+        return self._merged(first, second, span)
+
+    def _is_moment_in(self, inner: Piece, outer: Piece) -> bool:
+        """Whether one is a moment, and the other a state that is said to last longer."""
+        longer = outer.least_s is not None and outer.least_s > self.assumed["instant_max_s"]
+        return inner.is_instant and not outer.is_instant and not outer.is_event and longer
 
     def _and_then(self, first: Piece, second: Piece) -> tuple[Piece, str]:
         pause = self.assumed["then_s"]

@@ -30,6 +30,11 @@ class Piece:
         return self.name if self.is_event else ", ".join(map(term_text, self.terms))
 
     @property
+    def is_timed(self) -> bool:
+        """Whether its duration was said."""
+        return self.least_s is not None or self.most_s is not None
+
+    @property
     def terms(self) -> tuple[Term, ...]:
         """All terms of a state."""
         return self.phases[0].terms
@@ -106,9 +111,9 @@ def during(event: Piece, lasting: Piece) -> Piece:
     lasting = renamed(lasting, {phase.name for phase in event.phases})
     name = lasting.phases[0].name
     relations = tuple(Relation(phase.name, "during", name) for phase in event.phases)
-    return replace(
-        event,
-        phases=(*event.phases, *lasting.phases),
-        relations=(*event.relations, *relations),
-        name=f"{event.name} while {lasting.name}",
+    return Piece(
+        (*event.phases, *lasting.phases),
+        True,
+        f"{event.name} while {lasting.name}",
+        (*event.relations, *relations),
     )

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from scene4d.activities.catalogue import load_catalogue
 from scene4d.activities.definition import Activity
+from scene4d.activities.identity import unite_tracks
 from scene4d.errors import InputError
 from scene4d.evaluate.activity_baselines import in_pixels, near_alone
 from scene4d.evaluate.activity_evaluation import ActivityEvaluation, ActivityOutcome, Method
@@ -136,7 +137,7 @@ def _clip(path: Path, name: re.Match[str], calibration: Calibration) -> Clip:
     camera = name["camera"]
     annotated, _ = noted_annotations(path, calibration.image_size, FPS, drop_invalid=True)
     options = TrackOptions(f"{camera}.krtd", annotations=path, name=camera, fps=FPS)
-    stage = stage_of(followed(annotated, calibration, options, FPS), calibration)
+    stage = unite_tracks(stage_of(followed(annotated, calibration, options, FPS), calibration))
     return Clip(stem, camera, _minutes(name), Staged(stage, camera), labelled)
 
 
@@ -235,7 +236,7 @@ _NOTES = (
     "is labelled is not there to raise a false alarm, and tracks begin and end in the open where "
     "nobody appeared or disappeared.",
     "MEVA boxes an object anew for each of its activities: tracks with the same boxes were made "
-    "one, so that no track gives an activity away.",
+    "one. Even so the ends of a track lie where a label begins or ends, which helps.",
     "The annotations hold boxes alone, no keypoints: what needs the body's pose cannot be judged.",
     f"Every constant was chosen on cameras {' and '.join(TUNED)}; cameras "
     f"{' and '.join(REPORTED)} are reported. No camera has constants of its own.",
