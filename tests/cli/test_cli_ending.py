@@ -37,7 +37,13 @@ def test_ctrl_c_while_people_are_watched(networks, pets, tmp_path):
     command = [*PROGRAM, "calibrate", str(pets), "--out", str(out), "--json"]
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "100", "TMPDIR": str(tmp_path)}
     with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=terminal, env=environment, text=True
+        command,
+        stdout=subprocess.PIPE,
+        stderr=terminal,
+        env=environment,
+        text=True,
+        # A shell's background job ignores Ctrl-C, and its children would too.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
         os.close(terminal)
         seen = read_until(screen, rb"Watching people.*[1-9][0-9]*%")
