@@ -1,6 +1,6 @@
 """Write the trained network as ONNX and check it: ``python -m training.export CHECKPOINT``.
 
-Weights are stored in half precision and computed in single: half the size for no measurable error.
+Weights are stored in half precision or less and computed in single (:func:`_shrink`).
 """
 
 import argparse
@@ -15,7 +15,7 @@ from onnx import TensorProto, helper, numpy_helper
 from training.model import OrientationNet
 from training.panoramas import CROP_SIZE
 
-_HALVED_FROM = 1024
+_LARGE = 1024
 _TOLERANCE = 0.05
 
 
@@ -49,7 +49,7 @@ def export(checkpoint: Path, out: Path) -> None:
     )
     model = onnx.load(str(single))
     single.unlink()
-    _halve(model)
+    _shrink(model)
     helper.set_model_props(model, {"steps": str(state["step"])})
     onnx.checker.check_model(model)
     written = model.SerializeToString()
@@ -70,18 +70,33 @@ def export(checkpoint: Path, out: Path) -> None:
     print(f"{out}: {len(written) / 2**20:.1f} MB")  # noqa: T201
 
 
-def _halve(model: onnx.ModelProto) -> None:
-    """Store large weights as half precision, with a cast to single behind each."""
-    graph, casts = model.graph, []
-    for weight in graph.initializer:
-        if weight.data_type != TensorProto.FLOAT or np.prod(weight.dims) < _HALVED_FROM:
+def _shrink(model: onnx.ModelProto) -> None:
+    """Store large weights smaller, and restore them to single precision where they are used.
+
+    Those of convolutions as halves; those of the linear layers, a quarter of all and the least
+    sensitive, as bytes with a scale for each output.
+    """
+    graph, restored = model.graph, []
+    for weight in list(graph.initializer):
+        if weight.data_type != TensorProto.FLOAT or np.prod(weight.dims) < _LARGE:
             continue
-        values = numpy_helper.to_array(weight).astype(np.float16)
-        name = weight.name
-        weight.CopyFrom(numpy_helper.from_array(values, f"{name}.half"))
-        casts.append(helper.make_node("Cast", [f"{name}.half"], [name], to=TensorProto.FLOAT))
-    for cast in reversed(casts):
-        graph.node.insert(0, cast)
+        values, name = numpy_helper.to_array(weight), weight.name
+        if values.ndim == 2:
+            scale = np.abs(values).max(axis=1) / 127
+            small = np.round(values / scale[:, None]).astype(np.int8)
+            zero = np.zeros(len(scale), np.int8)
+            graph.initializer.append(numpy_helper.from_array(scale, f"{name}.scale"))
+            graph.initializer.append(numpy_helper.from_array(zero, f"{name}.zero"))
+            parts = [f"{name}.small", f"{name}.scale", f"{name}.zero"]
+            restored.append(helper.make_node("DequantizeLinear", parts, [name], axis=0))
+        else:
+            small = values.astype(np.float16)
+            restored.append(
+                helper.make_node("Cast", [f"{name}.small"], [name], to=TensorProto.FLOAT)
+            )
+        weight.CopyFrom(numpy_helper.from_array(small, f"{name}.small"))
+    for node in reversed(restored):
+        graph.node.insert(0, node)
 
 
 if __name__ == "__main__":
