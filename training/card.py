@@ -46,25 +46,22 @@ class Scores:
 
     median_deg: np.ndarray
     coverage: np.ndarray
-    width_deg: np.ndarray
     log_score: float
     count: int
 
 
 def score(cases: Iterable[Case], read: Reader) -> Scores:
     """Posterior means against the truth, and how often 95 % intervals hold it."""
-    errors, inside, widths, logs = [], [], [], []
+    errors, inside, logs = [], [], []
     for case in cases:
         belief = read(case.picture_bgr)
         errors.append(np.abs(belief.mean() - case.truth_rad))
         ends = np.array([belief.interval(axis) for axis in range(3)])
         inside.append((ends[:, 0] <= case.truth_rad) & (case.truth_rad <= ends[:, 1]))
-        widths.append(ends[:, 1] - ends[:, 0])
         logs.append(belief.log_density_at(*case.truth_rad))
     return Scores(
         np.degrees(np.median(errors, axis=0)),
         np.mean(inside, axis=0),
-        np.degrees(np.median(widths, axis=0)),
         float(np.mean(logs)),
         len(errors),
     )

@@ -103,10 +103,11 @@ def test_fields_speak_for_their_own_camera(view, seed):
     up_uv, latitude = fields(view, CELLS)
     rng = np.random.default_rng(seed)
     dense = np.concatenate(
-        [30 * up_uv.transpose(2, 0, 1), [latitude + rng.normal(0, 0.02, latitude.shape)]]
+        [30 * up_uv.transpose(2, 0, 1), [latitude + rng.normal(0, 0.005, latitude.shape)]]
     )
     dense = np.concatenate([dense, np.full((1, *latitude.shape), np.log(0.05))]).astype(np.float32)
-    found = field_belief(dense, 1.0).mean()
+    # At full power the belief is far narrower than a cell of the grid, and snaps to one.
+    found = field_belief(dense, 0.2).mean()
     np.testing.assert_allclose(found[:2], [view.roll_rad, view.tilt_rad], atol=np.radians(1.25))
     assert found[2] == pytest.approx(view.vfov_rad, rel=0.07)  # half a cell of the grid, as tilt
 

@@ -18,7 +18,6 @@ VFOV_RAD = np.radians(np.geomspace(9.0, 110.0, 21))
 SHAPE = (len(ROLL_RAD), len(TILT_RAD), len(VFOV_RAD))
 ASPECT = (4, 3)
 """Width to height of the centred crop that is looked at."""
-NAMES = ("roll", "tilt", "vfov")
 _MOST = 0.98
 _AXES = (ROLL_RAD, TILT_RAD, np.log(VFOV_RAD))
 

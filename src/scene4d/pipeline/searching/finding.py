@@ -27,7 +27,7 @@ def found_in(
     """Events with at least ``min_score``, stage by stage and activity by activity.
 
     A stage where a role has nobody to play it holds no event: one clip without a vehicle is no
-    error. Whether the whole scene has anybody says :func:`.require_classes`.
+    error.
     """
     for one in staged:
         there = set(np.unique(one.stage.tracks.class_name).tolist())
