@@ -1,8 +1,8 @@
-"""Accuracy and speed beside peers, growth, stage times, start-up.
+"""Accuracy and speed beside peers, growth, stage times, start-up, predicates, search.
 
-    make bench                       everything, written into docs/benchmarks.md (8 minutes)
+    make bench                       everything, written into docs/benchmarks.md (12 minutes)
     python -m benchmarks --quick     a smoke run: the same code on little work, nothing written
-    python -m benchmarks --only peers growth stages startup
+    python -m benchmarks --only peers growth stages startup predicates search
 
 Needs PETS 2009 with its true camera (--data, $SCENE4D_DATA or ../shared/data) and the dependency
 group "bench". Close other programs first: busy cores change every time, and some of the ratios.
@@ -13,12 +13,23 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmarks import comparison, figures, growth, peers, scenes, stages, startup
+from benchmarks import (
+    comparison,
+    figures,
+    growth,
+    peers,
+    predicates,
+    scenes,
+    search,
+    stages,
+    startup,
+)
 from benchmarks.tables import Rows, machine, markdown, put
 from scene4d.evaluate import pets
 
 ROOT = Path(__file__).parents[1]
-SECTIONS = ("peers", "growth", "stages", "startup")
+SECTIONS = ("peers", "growth", "stages", "startup", "predicates", "search")
+NEED_DATA = {"peers", "growth", "stages"}
 
 
 @dataclass(frozen=True)
@@ -34,6 +45,10 @@ class Amount:
     crowd: tuple[int, ...]
     sampled: int | None
     starts: int
+    pairs_share: int
+    pairs_repeats: int
+    days: tuple[int, ...]
+    searches: int
 
 
 FULL = Amount(
@@ -46,6 +61,10 @@ FULL = Amount(
     crowd=(100, 1_000, 10_000, 100_000),
     sampled=None,
     starts=9,
+    pairs_share=1,
+    pairs_repeats=predicates.REPEATS,
+    days=(10_000, 100_000, 1_000_000),
+    searches=5,
 )
 QUICK = Amount(
     seeds=2,
@@ -57,6 +76,10 @@ QUICK = Amount(
     crowd=(100, 1_000),
     sampled=20,
     starts=2,
+    pairs_share=30,
+    pairs_repeats=1,
+    days=(5_000, 20_000),
+    searches=1,
 )
 
 
@@ -94,6 +117,14 @@ def measure(report: Report, amount: Amount, wanted: list[str], data: Path) -> No
         report.curves("frames", growth.frames(video, amount.frames))
         report.curves("sizes", growth.sizes(video, amount.widths, amount.pictures))
         report.curves("pairs", growth.pairs(amount.crowd))
+    if "predicates" in wanted:
+        crowds = predicates.crowds(amount.pairs_share)
+        report.table("predicates", predicates.table(crowds, amount.pairs_repeats))
+    if "search" in wanted:
+        with search.days(amount.days) as days:
+            report.table("search", search.table(days[-1], amount.searches))
+            report.table("stages of search", search.stages(days[-1], amount.searches))
+            report.curves("search", search.growth(days, amount.searches))
 
 
 def compare(report: Report, amount: Amount, case: scenes.Scene) -> None:
@@ -122,7 +153,7 @@ def main() -> None:
     if asked.quick and asked.write:
         parser.error("--quick measures too little to be written into the page")
     folder = asked.data / "pets2009"
-    if not folder.is_dir():
+    if NEED_DATA & set(asked.only) and not folder.is_dir():
         parser.error(f"{folder}: is not there; --data names the folder that holds pets2009/")
     print(machine())
     if asked.write:

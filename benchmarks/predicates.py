@@ -5,9 +5,8 @@
 Every method gets the same positions and answers with the probability of every pair in every frame.
 Time is that of the process, all its threads together; the fastest of several runs. DuckDB has no
 error function: it gets the approximation 7.1.26 of Abramowitz and Stegun in SQL. PyMEOS (MobilityDB
-in Python: ``pip install pymeos`` in an environment of its own) has temporal distances and no
-probabilities: those of its distances are taken with SciPy, and are counted. Where one of the two
-is not installed its rows are left out.
+in Python) has temporal distances and no probabilities: those of its distances are taken with SciPy,
+and are counted. Where one of the two is not installed its rows are left out.
 """
 
 import argparse

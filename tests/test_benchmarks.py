@@ -1,15 +1,20 @@
 """The comparison with peers measures what it says; no time is asserted, and no peer is needed."""
 
 import re
+import subprocess
+import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks import comparison, peers, scenes
+from benchmarks import comparison, peers, scenes, search, search_peers, search_stages
 from benchmarks.peers import Method
 
-from scene4d.model import Camera
+from scene4d.model import Calibration, Camera
+from scene4d.pipeline import finding
+from scene4d.scene.query import Scene
 
 ROOT = Path(__file__).parents[1]
 
@@ -100,11 +105,67 @@ def test_truncated_people_lose_their_feet_and_nothing_else():
     assert ((left[lost] >= 0.3) & (left[lost] <= 0.85)).all()
 
 
+@pytest.fixture(scope="module")
+def day(tmp_path_factory) -> search.Day:
+    return search.write_day(tmp_path_factory.mktemp("day") / "scene", 40_000, 10_000)
+
+
+def test_the_day_is_what_a_scene_on_the_disk_is(day: search.Day):
+    """Rows in the order of tracking, bodies of people alone, a camera that is not exact."""
+    scene = Scene.open(day.scene)
+    assert len(scene) == day.rows == 49_980
+    (run,) = scene.runs
+    assert run.keypoints == 26
+    seen = scene.tracks()
+    people = seen.class_name == "person"
+    assert (np.isfinite(seen.keypoint_uv).all(axis=(1, 2)) == people).all()
+    assert Calibration.load(scene.camera_file("roof")).covariance is not None
+    assert (np.diff(np.asarray(scene.rows(columns=["time_s"])["time_s"].to_numpy())) >= 0).all()
+
+
+def test_everybody_finds_who_enters(day: search.Day):
+    entering = set(day.entering.items())
+    assert len(entering) == 2
+    scene = Scene.open(day.scene)
+    found = finding.search(scene, finding.understand(scene, search.WORDS)).events
+    roles = [one.event.roles for one in found]
+    assert {(role["person"], role["vehicle"]) for role in roles} == entering
+    near, *gone = [set(peer(day.scene)) for peer in search_peers.PEERS.values()]
+    assert gone == [entering] * 3
+    assert near >= entering
+
+
+def test_a_row_counts_what_is_right():
+    one, day = search.Ran(2.0, 3.0, 100.0, ""), search.Day(Path(), 9, {5: 1, 6: 2})
+    row = search._row("x", one, search.Ran(4.0, 1.0, 1.0, ""), [(5, 1), (6, 1), (7, 2)], day)
+    assert row == ["x", "2.00", "3.00", "100 MB", "0.50", "3", "1 of 2"]
+
+
+def test_a_command_is_measured_from_outside_and_its_failure_is_one():
+    sleeps = [sys.executable, "-c", "import time; time.sleep(0.2); print(7)"]
+    found = search.ran(sleeps, 1)
+    assert 0.2 < found.seconds < 2.0
+    assert found.cpu_s < found.seconds
+    assert 5 < found.peak_mb < 40
+    assert found.printed == "7\n"
+    with pytest.raises(subprocess.CalledProcessError):
+        search.ran([sys.executable, "-c", "raise SystemExit(3)"], 1)
+
+
+def test_of_stages_within_one_another_the_innermost_counts():
+    watch = search_stages.Stopwatch()
+    inner = watch.around(lambda: time.sleep(0.05), "inner")
+    watch.around(lambda: (inner(), time.sleep(0.02)), "outer")()
+    assert 0.05 <= watch.seconds["inner"] < 0.5
+    assert 0.02 <= watch.seconds["outer"] < watch.seconds["inner"]
+
+
 def test_the_page_has_what_the_run_replaces():
     page = (ROOT / "docs" / "benchmarks.md").read_text(encoding="utf-8")
     begun = re.findall(r"<!-- (.*): begin -->", page)
     assert begun == re.findall(r"<!-- (.*): end -->", page)
     assert set(begun) == {
         "machine", "peers", "stages", "start-up", "growth of people", "growth of frames",
-        "growth of sizes", "growth of pairs",
+        "growth of sizes", "growth of pairs", "predicates", "search", "stages of search",
+        "growth of search",
     }  # fmt: skip

@@ -26,6 +26,7 @@ from scene4d.pipeline.finding.places import Places
 from scene4d.pipeline.finding.telling import clip_time, verdict
 from scene4d.pipeline.finding.writing import write_search
 from scene4d.pipeline.searching import stages
+from scene4d.pipeline.searching.staging import thinned
 from scene4d.scene.query import Scene
 
 START = datetime(2026, 11, 20, 8, 0, 0, tzinfo=UTC)
@@ -112,10 +113,20 @@ def test_only_the_best_know_what_was_around_them(gate):
 
 
 def test_the_lean_rows_are_those_of_the_scene(gate):
-    lean, full = lean_tracks(gate), gate.tracks()
+    lean, step_s = lean_tracks(gate, 0.01)
+    full = gate.tracks()
+    assert step_s == pytest.approx(np.median(np.diff(np.unique(full.time_s))))
     for name in full.array_names():
         if name not in ("shared_covariance_m2", "score", "keypoint_uv", "keypoint_score"):
             np.testing.assert_array_equal(getattr(lean, name), getattr(full, name), err_msg=name)
+
+
+def test_lean_rows_are_thinned_as_whole_ones(gate):
+    (lean, step_s), (full, expected) = lean_tracks(gate, 0.5), thinned(gate.tracks(), 0.5)
+    assert step_s == expected
+    assert 0 < len(lean) < len(gate)
+    for name in ("track", "time_s", "frame", "xy_m", "box_xyxy", "class_name", "observed"):
+        np.testing.assert_array_equal(getattr(lean, name), getattr(full, name), err_msg=name)
 
 
 def test_nothing_is_missed_for_the_lean_rows(gate):
@@ -137,7 +148,7 @@ def test_unknown_places_and_boxes_come_as_nan(tmp_path):
         xy_m=np.where(np.arange(len(rows))[:, None] == 3, np.nan, rows.xy_m),
         box_xyxy=np.where(np.arange(len(rows))[:, None] == 5, np.nan, rows.box_xyxy),
     )
-    lean = lean_tracks(Scene.open(scenes.write_scene(tmp_path / "scene", [rows])))
+    lean, _ = lean_tracks(Scene.open(scenes.write_scene(tmp_path / "scene", [rows])), 0.01)
     assert np.flatnonzero(np.isnan(lean.xy_m[:, 0])).tolist() == [3]
     assert np.flatnonzero(np.isnan(lean.box_xyxy[:, 2])).tolist() == [5]
 
@@ -431,5 +442,5 @@ def test_rows_need_no_order_in_the_files(tmp_path):
     rows = Tracks.concatenate([*scenes.people(), scenes.parked()])
     shuffled = rows.select(np.random.default_rng(0).permutation(len(rows)))
     folder = scenes.write_scene(tmp_path / "scene", [shuffled])
-    lean = lean_tracks(Scene.open(folder))
+    lean, _ = lean_tracks(Scene.open(folder))
     assert (np.lexsort([lean.time_s, lean.track]) == np.arange(len(lean))).all()

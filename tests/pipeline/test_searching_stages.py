@@ -12,7 +12,7 @@ from scene4d.activities.definition import Activity, Phase, Role, Term
 from scene4d.errors import InputError
 from scene4d.model import Calibration, Tracks
 from scene4d.pipeline import Silent
-from scene4d.pipeline.searching import found_in
+from scene4d.pipeline.searching import found_in, staging
 from scene4d.pipeline.searching.staging import Staged, camera_factor, stage_of, stages, thinned
 from scene4d.pipeline.tracking import TrackOptions, track_scene
 
@@ -131,6 +131,51 @@ def test_unknown_places_have_unknown_factors():
     factor = camera_factor(known(), np.array([[0.0, 10.0], [np.nan, np.nan], [0.0, -50.0]]))
     assert np.isfinite(factor[0]).all()
     assert np.isnan(factor[1:]).all()
+
+
+def strewn(n: int = 50) -> Tracks:
+    """Rows on the ground before the camera, one of them nowhere and one behind it."""
+    rng = np.random.default_rng(0)
+    tracks = tracks_at({1: list(range(0, 6 * n, 6))})
+    xy = rng.uniform([-10.0, 8.0], [10.0, 40.0], (n, 2))
+    xy[3], xy[7] = np.nan, (0.0, -50.0)
+    return replace(tracks, xy_m=xy)
+
+
+@given(st.lists(st.lists(st.integers(0, 49), max_size=12), min_size=1, max_size=4))
+def test_factors_that_wait_until_they_are_asked_for_are_those_of_all_rows(questions):
+    """In any order, some of them twice, in this question or one before."""
+    tracks = strewn()
+    factors = stage_of(tracks, known()).camera_factor
+    every = camera_factor(known(), tracks.xy_m)
+    assert len(factors) == len(tracks)
+    for rows in questions:
+        at = np.array(rows, int)
+        # Products are rounded, and lenses inverted, by what else is worked out with them.
+        np.testing.assert_allclose(factors[at], every[at], rtol=1e-8, atol=1e-10)
+
+
+def test_factors_are_worked_out_once_and_for_those_asked_for(monkeypatch):
+    asked = []
+
+    def counting(calibration, xy_m):
+        asked.append(len(xy_m))
+        return camera_factor(calibration, xy_m)
+
+    monkeypatch.setattr(staging, "camera_factor", counting)
+    stage = stage_of(strewn(), known())
+    assert asked == []
+    stage.rows(np.array([4, 9, 4])).camera_factor  # noqa: B018
+    stage.rows(np.array([9, 20])).camera_factor  # noqa: B018
+    stage.rows(np.array([20, 4])).camera_factor  # noqa: B018
+    assert asked == [2, 1]
+
+
+def test_the_frame_at_a_moment_that_many_share_is_that_of_the_first_row():
+    tracks = tracks_at({1: [30, 36, 42], 2: [30, 36]})
+    tracks = replace(tracks, frame=tracks.frame + np.where(tracks.track == 2, 1, 0))
+    staged = Staged(stage_of(tracks, known()), "here")
+    assert [staged.frame_at(t) for t in (1.0, 1.2, 1.4)] == [30, 36, 42]
 
 
 def test_frames_of_times():

@@ -102,6 +102,23 @@ def test_other_time_zones_are_the_same_moments(scene):
     assert_same(scene.tracks(begin=there), scene.tracks(begin=begin))
 
 
+def test_runs_taken_one_by_one_ask_one_duckdb(tmp_path, monkeypatch):
+    import duckdb
+
+    begun = []
+    connect = duckdb.connect
+    monkeypatch.setattr(duckdb, "connect", lambda **how: begun.append(1) or connect(**how))
+    for run in ("first", "second"):
+        store(tmp_path, walk(60), run=run)
+    scene = Scene.open(tmp_path)
+    alone = [scene.only(run.run) for run in scene.runs]
+    assert begun == []
+    assert [len(one.tracks()) for one in alone] == [60, 60]
+    counts = [one.sql("SELECT count(*) AS n FROM scene")["n"].to_pylist() for one in alone]
+    assert counts == [[60], [60]]
+    assert begun == [1]
+
+
 def test_only_the_parts_that_can_answer_are_opened(tmp_path):
     folder = tmp_path
     store(folder, walk(400), rows_per_part=100)

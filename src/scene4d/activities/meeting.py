@@ -170,12 +170,13 @@ def _pieces(clock: Clock, rows: Int[np.ndarray, "n"], lag: int) -> _Pieces:
     window = (clock.tick[rows] + lag) // PIECE
     first = runs(track, window)
     count = np.diff(np.append(first, len(rows)))
-    xy = clock.stage.tracks.xy_m[rows]
-    own = clock.stage.tracks.covariance_m2[rows]
-    spread = BOUND_SIGMA * np.sqrt(np.maximum(own[:, 0, 0] + own[:, 1, 1], 0))[:, None]
-    spread = np.fmin(spread, MOST_SPREAD_M)
-    low = np.fmin.reduceat(xy - spread, first)
-    high = np.fmax.reduceat(xy + spread, first)
+    tracks = clock.stage.tracks
+    variance = tracks.covariance_m2[:, 0, 0][rows] + tracks.covariance_m2[:, 1, 1][rows]
+    spread = np.fmin(BOUND_SIGMA * np.sqrt(np.maximum(variance, 0)), MOST_SPREAD_M)
+    # Column by column: along rows of two, a reduction takes ten times as long.
+    xy = [tracks.xy_m[:, axis][rows] for axis in (0, 1)]
+    low = np.column_stack([np.fmin.reduceat(x - spread, first) for x in xy])
+    high = np.column_stack([np.fmax.reduceat(x + spread, first) for x in xy])
     return _Pieces(track[first], window[first], first, count, low, high)
 
 

@@ -64,7 +64,7 @@ def in_pixels(stage: Stage, metres_per_px: float) -> Stage:
         velocity_covariance=own * spread[:, None, None],
         **_headings(velocity, np.sqrt(variance * spread), stage.track_of_row),
     )
-    return replace(stage, tracks=moved, camera_factor=None)
+    return replace(stage, tracks=moved, camera_factor=None, camera=None)
 
 
 def _slopes(

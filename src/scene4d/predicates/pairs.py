@@ -19,7 +19,7 @@ _ODDS = (
 """``log(Φ(-z) / Φ(z)) = z (c₀ + c₁ z² + ...)`` within 5.2 deviations: the odd polynomial whose Φ is
 off by at most 2.3e-7, the minimax fit (linear programming about the last fit, until it stays)."""
 _FARTHEST = 5.2
-_BLOCK = 1 << 16
+_BLOCK = 1 << 17
 _FEW_FRAMES = 64
 """With fewer, the loops that NumPy runs by itself would be too short along the frames."""
 _MANTISSA = 23

@@ -7,16 +7,25 @@ from types import MappingProxyType
 
 import numpy as np
 
-from scene4d.predicates import body, distance, motion, place, relation, turning, visibility
+from scene4d.predicates import (
+    body,
+    distance,
+    motion,
+    place,
+    posture,
+    relation,
+    turning,
+    visibility,
+)
 
 Function = Callable[..., np.ndarray]
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number in ``unit`` ("m", "s", "m/s", "rad") from ``low`` to ``high``, or the name of a
-    "zone", a "line", or a "side" of a vehicle. ``default`` is None where it must be given (zones,
-    lines) or may be left out (sides).
+    """A number in ``unit`` ("m", "s", "m/s", "rad", "" for a share) from ``low`` to ``high``, or
+    the name of a "zone", a "line", or a "side" of a vehicle. ``default`` is None where it must be
+    given (zones, lines) or may be left out (sides).
     """
 
     name: str
@@ -53,6 +62,7 @@ _RANGE: dict[str, tuple[str, float, float]] = {
     "sigma_rad": ("rad", 0.001, np.pi),
     "window_s": ("s", 0.05, 600.0),
     "sigma_s": ("s", 0.01, 600.0),
+    "share": ("", 0.0, 1.0),
     "zone": ("zone", 0.0, np.inf),
     "line": ("line", 0.0, np.inf),
     "side": ("side", 0.0, np.inf),
@@ -80,6 +90,7 @@ _FUNCTIONS: tuple[Function, ...] = (
     visibility.disappears_into,
     place.inside,
     place.crosses,
+    posture.stooping,
     body.arm_moving_up,
     body.arm_moving_down,
 )
@@ -100,11 +111,12 @@ _SUMMARIES = {
     "u_turning": "a turns round",
     "reversing": "the vehicle a moves backwards",
     "appears": "a comes into view inside the picture, from behind nothing",
-    "appears_from": "a comes into view inside the picture, from behind nothing but b",
+    "appears_from": "a comes into view within b's outline, from behind nothing else",
     "disappears": "a is gone from view inside the picture, behind nothing",
-    "disappears_into": "a is gone from view inside the picture, behind nothing but b",
+    "disappears_into": "a is gone from view within b's outline, behind nothing else",
     "inside": "a stands in the zone",
     "crosses": "a crosses the line",
+    "stooping": "a is seen less tall than share of its standing height",
     "arm_moving_up": "a raises an arm",
     "arm_moving_down": "a lowers an arm",
 }

@@ -3,12 +3,23 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from scene4d.errors import InputError
-from scene4d.model import Tracks
+from scene4d.model import PERSON_HEIGHT_M, Camera, Tracks
+
+
+@runtime_checkable
+class Factors(Protocol):
+    """Camera factors of all rows: an array (n, 2, k), or what works them out for rows asked for."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, rows: Int[np.ndarray, "m"], /) -> Float[np.ndarray, "m 2 k"]:
+        """Those of these rows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,15 +31,17 @@ class Stage:
     the camera is ``D Dᵀ`` with ``D`` the difference of their factors, so that near things, which
     the camera misplaces alike, have none. ``image_size`` is width and height in pixels, ``step_s``
     the time between two rows of a track. ``zones`` are polygons and ``lines`` polylines on the
-    ground, (m, 2) metres. Raises :class:`InputError` where rows and factors differ in number.
+    ground, (m, 2) metres. ``camera`` tells how large things are seen; None where the picture is
+    all there is. Raises :class:`InputError` where rows and factors differ in number.
     """
 
     tracks: Tracks
     image_size: tuple[int, int]
     step_s: float
-    camera_factor: Float[np.ndarray, "n 2 k"] | None = None
+    camera_factor: Factors | None = None
     zones: Mapping[str, Float[np.ndarray, "_ 2"]] = field(default_factory=dict)
     lines: Mapping[str, Float[np.ndarray, "_ 2"]] = field(default_factory=dict)
+    camera: Camera | None = None
 
     def __post_init__(self) -> None:
         if self.camera_factor is not None and len(self.camera_factor) != len(self.tracks):
@@ -55,6 +68,19 @@ class Stage:
     def last_row(self) -> Int[np.ndarray, "t"]:
         """Last row of each track."""
         return np.append(self.first_row[1:], len(self.tracks)) - 1
+
+    def px_per_m(self, rows: Int[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
+        """Pixels that a metre of an upright person measures in the picture at the places of some
+        rows; 1 without a camera, NaN without a place in view.
+        """
+        if self.camera is None:
+            return np.ones(len(rows))
+        xy = self.tracks.xy_m[rows]
+        ends = []
+        for height_m in (0.0, PERSON_HEIGHT_M):
+            uv, seen = self.camera.project(np.column_stack([xy, np.full(len(xy), height_m)]))
+            ends.append(np.where(seen[:, None], self.camera.distort(uv), np.nan))
+        return np.asarray(np.linalg.norm(ends[1] - ends[0], axis=1) / PERSON_HEIGHT_M)
 
     def rows(self, index: Int[np.ndarray, "m"]) -> "Rows":
         """These rows, in this order; one may come often."""

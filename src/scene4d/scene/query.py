@@ -67,8 +67,9 @@ class Scene:
     damaged file, and :class:`UnavailableError` where DuckDB is not installed.
     """
 
-    def __init__(self, stored: Sequence[_Stored]) -> None:
+    def __init__(self, stored: Sequence[_Stored], part_of: "Scene | None" = None) -> None:
         self._stored = tuple(stored)
+        self._part_of = part_of
 
     @classmethod
     def open(cls, *folders: str | os.PathLike[str]) -> "Scene":
@@ -117,7 +118,7 @@ class Scene:
     def only(self, run: str) -> "Scene":
         """One of the runs, alone; raises :class:`InputError` for one that is not there."""
         _check_there([run], [one.run.run for one in self._stored], "run")
-        return Scene([one for one in self._stored if one.run.run == run])
+        return Scene([one for one in self._stored if one.run.run == run], self)
 
     def __len__(self) -> int:
         return sum(one.run.rows for one in self._stored)
@@ -213,6 +214,8 @@ class Scene:
 
     @cached_property
     def _connection(self) -> Any:
+        if self._part_of is not None:  # starting another DuckDB takes longer than a small question
+            return self._part_of._connection
         try:
             import duckdb
         except ImportError as error:

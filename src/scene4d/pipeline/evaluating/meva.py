@@ -3,7 +3,7 @@
 import re
 import tarfile
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -21,7 +21,8 @@ from scene4d.evaluate.activity_evaluation import ActivityEvaluation, ActivityOut
 from scene4d.evaluate.activity_scores import ClipEvents, Ranked, average_precision
 from scene4d.formats.activities import LabelledActivity, read_activities
 from scene4d.formats.cameras import read_calibration
-from scene4d.model import Calibration
+from scene4d.model import Calibration, Detections
+from scene4d.pipeline.evaluating.meva_ground import Ground, local_ground
 from scene4d.pipeline.evaluating.meva_tracks import followed
 from scene4d.pipeline.progress import Progress, timed
 from scene4d.pipeline.searching import Staged, found_in, stage_of
@@ -59,12 +60,15 @@ _ARCHIVE = "annotations.tar.xz"
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """One annotated clip: its camera, how long it is, who was where, and what is labelled."""
+    """One annotated clip: its camera, how long it is, who was where, on which ground, and what is
+    labelled.
+    """
 
     name: str
     camera: str
     minutes: float
     staged: Staged
+    ground: Ground
     labelled: tuple[LabelledActivity, ...]
 
     def label_s(self, names: Sequence[str]) -> Float[np.ndarray, "r 2"]:
@@ -105,12 +109,13 @@ def meva_clips(data: str | Path, cameras: Sequence[str], progress: Progress) -> 
         missing = sorted(set(cameras) - {name["camera"] for _, name in chosen})
         if missing:
             raise InputError(f"{folder}: holds no annotated clip of camera {', '.join(missing)}")
-        clips = []
-        with progress.stage("Following annotated people and vehicles", len(chosen)) as step:
-            for path, name in chosen:
-                clips.append(_clip(path, name, calibrations[name["camera"]]))
-                step(1)
-    return clips
+        clips: list[Clip] = []
+        with progress.stage("Following annotated people and vehicles", 2 * len(chosen)) as step:
+            for camera, published in calibrations.items():
+                clips += _clips(
+                    camera, published, [c for c in chosen if c[1]["camera"] == camera], step
+                )
+    return sorted(clips, key=lambda clip: clip.name)
 
 
 @contextmanager
@@ -131,14 +136,33 @@ def _annotations(folder: Path) -> Iterator[Path]:
         yield Path(scratch)
 
 
-def _clip(path: Path, name: re.Match[str], calibration: Calibration) -> Clip:
+def _clips(
+    camera: str,
+    published: Calibration,
+    files: Sequence[tuple[Path, re.Match[str]]],
+    step: Callable[[int], None],
+) -> list[Clip]:
+    """The clips of one camera; ``step`` is told of each file read, and of each clip made."""
+    annotated = []
+    for path, _ in files:
+        found, _ = noted_annotations(path, published.image_size, FPS, drop_invalid=True)
+        annotated.append(found)
+        step(1)
+    ground = local_ground(camera, published, annotated)
+    clips = []
+    for (path, name), found in zip(files, annotated, strict=True):
+        clips.append(_clip(path, name, found, ground))
+        step(1)
+    return clips
+
+
+def _clip(path: Path, name: re.Match[str], annotated: Detections, ground: Ground) -> Clip:
     stem = path.name.removesuffix(_GEOM)
     labelled = read_activities(path.with_name(stem + _ACTIVITIES))
-    camera = name["camera"]
-    annotated, _ = noted_annotations(path, calibration.image_size, FPS, drop_invalid=True)
-    options = TrackOptions(f"{camera}.krtd", annotations=path, name=camera, fps=FPS)
-    stage = unite_tracks(stage_of(followed(annotated, calibration, options, FPS), calibration))
-    return Clip(stem, camera, _minutes(name), Staged(stage, camera), labelled)
+    options = TrackOptions(f"{ground.camera}.krtd", annotations=path, name=ground.camera, fps=FPS)
+    tracks = followed(annotated, ground.calibration, options, FPS)
+    stage = unite_tracks(stage_of(tracks, ground.calibration))
+    return Clip(stem, ground.camera, _minutes(name), Staged(stage, ground.camera), ground, labelled)
 
 
 def _minutes(name: re.Match[str]) -> float:
@@ -182,7 +206,7 @@ def evaluated(
         reported=tuple(sorted({clip.camera for clip in reported})),
         clips=len(reported),
         minutes=sum(clip.minutes for clip in reported),
-        notes=_NOTES,
+        notes=(*_NOTES, _grounds(reported)),
         timings=timings,
     )
 
@@ -227,6 +251,15 @@ def ranked_by(
         score = np.array([event.score for event in found], float)
         events.append(ClipEvents(clip.label_s(activity.labels), spans, score))
     return Ranked.of_clips(events, sum(clip.minutes for clip in clips))
+
+
+def _grounds(clips: Sequence[Clip]) -> str:
+    said = dict.fromkeys(clip.ground.said() for clip in clips)
+    return (
+        "The published cameras stand in the frame of a site whose terrain is not level. Focal "
+        "length and lens are theirs; height over the local ground, tilt and roll (believed to 1°) "
+        "are those that the boxes of the people give. " + "; ".join(said) + "."
+    )
 
 
 _NOTES = (

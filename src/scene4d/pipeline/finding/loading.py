@@ -8,12 +8,13 @@ from collections.abc import Collection
 
 import numpy as np
 from arro3.core import Table
+from jaxtyping import Int
 
 from scene4d.activities.definition import Activity
-from scene4d.activities.identity import unite_tracks
 from scene4d.model import CLASSES, Calibration, Tracks
 from scene4d.pipeline.finding.places import Places
-from scene4d.pipeline.searching import Staged, stage_of
+from scene4d.pipeline.searching import STEP_S, Staged
+from scene4d.pipeline.searching.staging import kept_moments, stage_of_thinned, thinned
 from scene4d.scene.query import Scene
 from scene4d.scene.runs import Run
 
@@ -34,14 +35,17 @@ def staged_run(
     Tracks of annotations, where one object may have several, are united.
     """
     alone = scene.only(run.run)
-    tracks = alone.tracks() if with_keypoints else lean_tracks(alone)
-    stage = stage_of(
+    tracks, step_s = thinned(alone.tracks(), STEP_S) if with_keypoints else lean_tracks(alone)
+    stage = stage_of_thinned(
         tracks,
+        step_s,
         calibration,
         zones=places.of(run.camera, "zone"),
         lines=places.of(run.camera, "line"),
     )
     if "annotations" in run.provenance:
+        from scene4d.activities.identity import unite_tracks  # SciPy's graphs load slowly
+
         stage = unite_tracks(stage)
     return Staged(stage, run.camera, run)
 
@@ -56,17 +60,20 @@ def playable(activity: Activity, classes: Collection[str]) -> bool:
     return all(set(role.classes) & set(classes) for role in activity.roles)
 
 
-def lean_tracks(scene: Scene) -> Tracks:
-    """All rows of a scene, ordered by (track, time), without keypoints, shared covariances (the
-    stage works these out of the calibration) and scores.
+def lean_tracks(scene: Scene, step_s: float = STEP_S) -> tuple[Tracks, float]:
+    """:func:`thinned` rows of a scene, ordered by (track, time), and the time between them; without
+    keypoints, shared covariances (the stage works these out of the calibration) and scores.
     """
     kinds = " ".join(f"WHEN '{name}' THEN {code}" for code, name in enumerate(CLASSES))
     floats = ", ".join(f"coalesce({name}, 'nan'::DOUBLE) AS {name}" for name in _FLOATS)
     kind = f"(CASE class {kinds} END)::TINYINT AS kind"
     table = scene.sql(f"SELECT {', '.join(_WHOLE)}, {floats}, {kind} FROM scene")
     track, time_s = _numpy(table, "track"), _numpy(table, "time_s")
+    kept, step_s = kept_moments(time_s, step_s)
     # Faster than to let DuckDB order whole rows.
     order = np.lexsort((time_s, track))
+    if kept is not None:
+        order = order[kept[order]]
     n = len(order)
 
     def column(name: str) -> np.ndarray:
@@ -81,9 +88,9 @@ def lean_tracks(scene: Scene) -> Tracks:
                 found[:, at] = column(name)
         return found
 
-    return Tracks(
+    tracks = Tracks(
         track=track[order],
-        class_name=np.array(CLASSES)[column("kind")],
+        class_name=_names(column("kind")),
         time_s=time_s[order],
         frame=column("frame"),
         xy_m=columns("x_m", "y_m"),
@@ -99,6 +106,15 @@ def lean_tracks(scene: Scene) -> Tracks:
         score=np.broadcast_to(np.nan, n),
         observed=column("observed"),
     )
+    return tracks, step_s
+
+
+def _names(kind: Int[np.ndarray, "n"]) -> np.ndarray:
+    """Classes by their place in :data:`CLASSES`, in no more room than those that there are need."""
+    there = np.flatnonzero(np.bincount(kind, minlength=len(CLASSES)))
+    place = np.zeros(len(CLASSES), np.intp)
+    place[there] = np.arange(len(there))
+    return np.array([CLASSES[one] for one in there.tolist()])[place[kind]]
 
 
 def _numpy(table: Table, name: str) -> np.ndarray:

@@ -149,10 +149,8 @@ def _search_run(done: Search, staged: Staged, run: Run, keep: int) -> None:
     if not events:
         done.candidates += len(cast(clock_of(stage), activity, PREDICATES).first)
         return
-    spans = np.array([(event.begin_s, event.end_s) for event in events])
-    times, first = np.unique(stage.tracks.time_s, return_index=True)
-    frames = np.rint(np.interp(spans, times, stage.tracks.frame[first])).astype(int)
-    for number, (event, (begin, end)) in enumerate(zip(events, frames.tolist(), strict=True)):
+    for number, event in enumerate(events):
+        begin, end = staged.frame_at(event.begin_s), staged.frame_at(event.end_s)
         around = _around(stage.tracks, event) if number < keep else None
         done.events.append(FoundEvent(event, run, begin, end, around))
 
