@@ -1,9 +1,10 @@
 """A small scene on disk in which it is known what happens, and when.
 
-Half a minute of one camera: somebody walks up to a parked car and is gone beside it, somebody
+Half a minute of one camera: somebody walks up to a parked car, bends into it and is gone, somebody
 walks past far away from it, and two people come together and stay.
 """
 
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -57,10 +58,19 @@ def stay(place, seconds: float) -> np.ndarray:
     return walk(place, place, seconds)
 
 
+def bending(tracks: Tracks, seconds: float = 0.7, to: float = 0.6) -> Tracks:
+    """The same who is seen less and less tall in the end."""
+    box = tracks.box_xyxy.copy()
+    left_s = tracks.time_s[-1] - tracks.time_s
+    share = np.interp(left_s, [0, seconds], [to, 1.0])
+    box[:, 1] = box[:, 3] - share * (box[:, 3] - box[:, 1])
+    return replace(tracks, box_xyxy=box)
+
+
 def people() -> list[Tracks]:
     """Everybody on foot."""
     return [
-        track(PERSON, walk((-4.5, 11.0), (-0.3, 14.6), ENTERED_S - 7), begin_s=7.0),
+        bending(track(PERSON, walk((-4.5, 11.0), (0.2, 15.6), ENTERED_S - 7), begin_s=7.0)),
         track(PASSER, walk((-2.5, 8.5), (2.5, 8.5), 4), begin_s=2.0),
         track(ONE, np.vstack([walk((-5, 22), (-0.6, 26), 6), stay((-0.6, 26), 6)]), 16.0),
         track(OTHER, np.vstack([walk((6, 23), (0.4, 26), 6), stay((0.4, 26), 6)]), 16.0),

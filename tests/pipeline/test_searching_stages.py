@@ -58,6 +58,11 @@ def test_every_second_moment_is_kept_of_ten_a_second():
     assert found.frame[found.track == 7].tolist() == list(range(30, 90, 6))
 
 
+def test_of_the_moments_about_a_step_the_nearest_is_kept():
+    found, _ = thinned(tracks_at({1: list(range(56))}), 0.2)
+    assert found.frame.tolist() == list(range(0, 60, 6))
+
+
 def test_what_is_coarse_already_is_left_alone():
     tracks = tracks_at({1: [0, 15, 30, 45]})
     found, step = thinned(tracks, 0.2)

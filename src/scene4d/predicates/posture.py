@@ -13,6 +13,8 @@ EDGE_SHARE = 0.02
 """How far an edge of a box is off, as a share of the box."""
 EDGE_PX = 1.0
 """And at least by so many pixels."""
+BORDER_PX = 2.0
+"""A box that comes this near to the image's border may be cut by it."""
 STANDING = 0.75
 """Quantile of a track's heights that counts as its standing height: people stoop for a while."""
 
@@ -26,7 +28,8 @@ def stooping(a: Rows, *, share: float = STOOPING_SHARE) -> Float[np.ndarray, "m"
     the track. With the ratio q, ``Φ((share - q) / √(σ² + 2 s²))``: σ is :data:`SOFTNESS`, s the
     error of a box's edge (2 % of the box, at least a pixel), for each of two edges. Errors of the
     position are alike all along a track and cancel. Without a camera heights in the picture are
-    compared as they are. NaN where a was not seen or has no position.
+    compared as they are. NaN where a was not seen, has no position, or the picture's upper or lower
+    border may cut the box.
     """
     rows, track = _tracks_of(a)
     height_m = _heights_m(a.stage, rows)
@@ -51,7 +54,8 @@ def _tracks_of(a: Rows) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"]]:
 
 def _heights_m(stage: Stage, rows: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
     box = stage.tracks.box_xyxy[rows]
-    seen = stage.tracks.observed[rows]
+    whole = (box[:, 1] > BORDER_PX) & (box[:, 3] < stage.image_size[1] - 1 - BORDER_PX)
+    seen = stage.tracks.observed[rows] & whole
     height = np.where(seen, box[:, 3] - box[:, 1], np.nan)
     return np.asarray(height / stage.px_per_m(rows))
 

@@ -11,6 +11,9 @@ picture would have carried it half a second later (or earlier):
   picture: ``Φ((bottom - bottom_a) / (0.05 h_a))``;
 - *clip*: an end within about half a second of the stage's own is none:
   ``1 - exp(-½ (gap / ½ s)²)``;
+- *leaving*, where it is asked what a went into: things at the picture's border are entered too. Who
+  goes through the border moves outwards, by more than 0.15 ± 0.05 of the box's size in the half
+  second; who does not is not explained by it;
 - *within*, where it is asked what a went into: the share of the last box that b's box covers,
   ``Φ((share - 0.7) / 0.15)``. What is inside a thing is seen inside its outline, from anywhere.
 
@@ -31,6 +34,7 @@ from scene4d.predicates.turning import window
 END_SIGMA_S = 1.0
 LOOK_S = 0.5
 BORDER_SHARE, BORDER_SIGMA = 0.1, 0.05
+LEAVING_SHARE, LEAVING_SIGMA = 0.15, 0.05
 COVERED_SHARE, COVERED_SIGMA = 0.5, 0.15
 BEFORE_SIGMA = 0.05
 WITHIN_SHARE, WITHIN_SIGMA = 0.7, 0.15
@@ -57,7 +61,7 @@ def appears(a: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[np.ndarray, "m"]:
 
 def disappears_into(a: Rows, b: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[np.ndarray, "m"]:
     """P(a is gone, within b's outline, and nothing but b hides it): :func:`disappears`, for which b
-    is no obstacle, times the factor *within*.
+    is no obstacle, with the factor *leaving* for *border*, times *within*.
 
     A person who gets into a vehicle on its far side is covered by it, always, so that b's cover
     says nothing against it. That it was near on the ground, and stooped, are predicates of their
@@ -78,12 +82,14 @@ class _Ends:
     """One end of every track: its moment, the box then, what speaks for it, and the two that hide
     it most.
 
-    ``whom`` is the position of the hiding track in the stage, -1 for none.
+    ``free`` is by the border and the clip, ``still`` the same of what does not leave. ``whom`` is
+    the position of the hiding track in the stage, -1 for none.
     """
 
     time_s: Float[np.ndarray, "t"]
     box_xyxy: Float[np.ndarray, "t 4"]
     free: Float[np.ndarray, "t"]
+    still: Float[np.ndarray, "t"]
     hidden: Float[np.ndarray, "t 2"]
     whom: Int[np.ndarray, "t 2"]
 
@@ -98,23 +104,23 @@ def _end(a: Rows, b: Rows | None, last: bool, sigma_s: float) -> np.ndarray:
         kept[last] = _ends(a.stage, last)
     ends, track = kept[last], a.stage.track_of_row[a.index]
     bump = np.exp(-(((a.time_s - ends.time_s[track]) / sigma_s) ** 2) / 2)
-    free = bump * ends.free[track]
     if b is None:
-        return np.asarray(free * (1 - ends.hidden[track, 0]))
+        return np.asarray(bump * ends.free[track] * (1 - ends.hidden[track, 0]))
     other = b.stage.track_of_row[b.index]
     hidden = np.where(ends.whom[track, 0] == other, ends.hidden[track, 1], ends.hidden[track, 0])
     share = _covered(ends.box_xyxy[track], b.box_xyxy)
-    return np.asarray(free * (1 - hidden) * ndtr((share - WITHIN_SHARE) / WITHIN_SIGMA))
+    within = ndtr((share - WITHIN_SHARE) / WITHIN_SIGMA)
+    return np.asarray(bump * ends.still[track] * (1 - hidden) * within)
 
 
 def _ends(stage: Stage, last: bool) -> _Ends:
     tracks, count = stage.tracks, len(stage.first_row)
-    time_s, free = np.full((2, count), np.nan)
+    time_s, free, still = np.full((3, count), np.nan)
     box = np.full((count, 4), np.nan)
     hidden, whom = np.zeros((count, 2)), np.full((count, 2), -1)
     seen = np.flatnonzero(tracks.observed & np.isfinite(tracks.box_xyxy).all(axis=1))
     if not len(seen):
-        return _Ends(time_s, box, free, hidden, whom)
+        return _Ends(time_s, box, free, still, hidden, whom)
     owner = stage.track_of_row[seen]
     changes = owner[1:] != owner[:-1]
     row = seen[np.append(changes, True) if last else np.append(True, changes)]
@@ -122,12 +128,14 @@ def _ends(stage: Stage, last: bool) -> _Ends:
     time_s[track], box[track] = tracks.time_s[row], tracks.box_xyxy[row]
     now, then = box[track], _carried_on(stage, row, last)
     size = np.sqrt(np.maximum((now[:, 2] - now[:, 0]) * (now[:, 3] - now[:, 1]), 1.0))
-    margin = np.minimum(*(_margin(box, stage.image_size) for box in (now, then))) / size
+    margins = [_margin(one, stage.image_size) / size for one in (now, then)]
+    border = ndtr((np.minimum(*margins) - BORDER_SHARE) / BORDER_SIGMA)
+    outwards = ndtr((margins[0] - margins[1] - LEAVING_SHARE) / LEAVING_SIGMA)
     everything = tracks.time_s.max() if last else tracks.time_s.min()
     clip = 1 - np.exp(-(((time_s[track] - everything) / CLIP_SIGMA_S) ** 2) / 2)
-    free[track] = ndtr((margin - BORDER_SHARE) / BORDER_SIGMA) * clip
+    free[track], still[track] = border * clip, (1 - (1 - border) * outwards) * clip
     _hide(stage, track, row, seen, (now, then), hidden, whom)
-    return _Ends(time_s, box, free, hidden, whom)
+    return _Ends(time_s, box, free, still, hidden, whom)
 
 
 def _carried_on(stage: Stage, row: np.ndarray, last: bool) -> np.ndarray:

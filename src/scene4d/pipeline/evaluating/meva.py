@@ -15,6 +15,7 @@ from jaxtyping import Float
 from scene4d.activities.catalogue import load_catalogue
 from scene4d.activities.definition import Activity
 from scene4d.activities.identity import unite_tracks
+from scene4d.activities.search import LEAST_SCORE
 from scene4d.errors import InputError
 from scene4d.evaluate.activity_baselines import in_pixels, near_alone
 from scene4d.evaluate.activity_evaluation import ActivityEvaluation, ActivityOutcome, Method
@@ -49,8 +50,6 @@ NEAR = Method(
 )
 METHODS = (OURS, PIXELS, NEAR)
 
-LEAST_SCORE = 0.01
-"""Events below this are not ranked: a search shows none of them."""
 _GEOM, _ACTIVITIES = ".geom.yml", ".activities.yml"
 _NAME = re.compile(
     r"(?P<day>\d{4}-\d\d-\d\d)\.(?P<begin>\d\d-\d\d-\d\d)\.(?P<end>\d\d-\d\d-\d\d)\.\w+\.(?P<camera>\w+)"
