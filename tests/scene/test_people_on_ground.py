@@ -191,16 +191,43 @@ def test_who_sits_is_placed_by_the_feet():
     assert np.linalg.norm(found.located.xy_m - people.xy_m) < 0.05
 
 
-def test_where_legs_are_hidden_the_box_is_placed_by_its_top():
+@pytest.mark.parametrize("seen", ["upper half", "stooping"])
+def test_either_end_of_a_short_box_may_be_the_right_one(seen):
+    """Legs behind something, or a head bent down: the box does not tell which."""
     people, _ = one_of()
     box = with_boxes(people)
     x1, y1, x2, y2 = box.box_xyxy[0]
-    half = replace(box, box_xyxy=np.array([[x1, y1, x2, (y1 + y2) / 2]]))
+    short = [x1, y1, x2, (y1 + y2) / 2] if seen == "upper half" else [x1, (y1 + y2) / 2, x2, y2]
+    half = replace(box, box_xyxy=np.array([short]))
     found = explain_people(half, people.camera, box_share=DRAWN_BOX_SHARE)
-    assert (found.lower[0], found.upper[0]) == ("", "box top")
-    assert np.linalg.norm(found.located.xy_m - people.xy_m) < 0.1
-    # Keypoints know better than to take the end of the visible part for feet.
-    people, seen = one_of(box_xyxy=half.box_xyxy)
+    assert (found.lower[0], found.upper[0]) == ("box bottom", "box top")
+    error = (found.located.xy_m - people.xy_m)[0]
+    squared = error @ np.linalg.solve(found.located.covariance_m2[0], error)
+    assert np.linalg.norm(error) > 0.4
+    assert 0.05 < squared < 4.0
+    whole = locate_people(box, people.camera, box_share=DRAWN_BOX_SHARE)
+    away, aside = np.diag(found.located.covariance_m2[0]) / np.diag(whole.covariance_m2[0])
+    assert min(away, aside) < 3, "hardly wider across the line of sight"
+    assert max(away, aside) > 10
+
+
+def test_up_to_a_chance_difference_nothing_is_added():
+    people, _ = one_of()
+    for metres, wider in ((1.70, False), (1.62, False), (1.30, True)):
+        low = replace(people, height_m=np.array([metres]))
+        boxes = with_boxes(low)
+        found = locate_people(boxes, people.camera, box_share=DRAWN_BOX_SHARE)
+        own = locate_people(
+            boxes, people.camera, box_share=DRAWN_BOX_SHARE, height_m=np.array([metres])
+        )
+        ratio = np.trace(found.covariance_m2[0]) / np.trace(own.covariance_m2[0])
+        assert (ratio > 1.5) == wider
+
+
+def test_where_the_head_is_seen_and_no_foot_the_box_ends_at_no_foot():
+    people, _ = one_of()
+    x1, y1, x2, y2 = with_boxes(people).box_xyxy[0]
+    people, seen = one_of(box_xyxy=np.array([[x1, y1, x2, (y1 + y2) / 2]]))
     found = explain_people(hidden(seen, FEET), people.camera)
     assert (found.lower[0], found.upper[0]) == ("", "head")
 
