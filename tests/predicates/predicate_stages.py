@@ -13,7 +13,9 @@ STEP_S = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Where one object truly is: one row per moment. Boxes and keypoints are optional."""
+    """Where one object truly is: one row per moment. Boxes and keypoints are optional, and so is
+    how tall it is, for views to make boxes of.
+    """
 
     time_s: np.ndarray
     xy_m: np.ndarray
@@ -23,6 +25,7 @@ class Path:
     name: str = "person"
     box_xyxy: np.ndarray | None = None
     keypoint_uv: np.ndarray | None = None
+    height_m: np.ndarray | None = None
     sigma_m: float = 0.05
     sigma_mps: float = 0.05
 
@@ -200,10 +203,11 @@ def random_view(rng: np.random.Generator, max_tilt_deg: float = 50.0) -> View:
 def seen_stage(
     view: View, *paths: Path, rng: np.random.Generator | None = None, sigma_px: float = 0.01
 ) -> Stage:
-    """What a view makes of the paths: positions by way of pixels, with their covariances.
+    """What a view makes of the paths: positions by way of pixels, with their covariances, and boxes
+    around the upright bodies of those that have a height.
 
     With ``rng`` everything is drawn with the errors that it is said to have: pixels, velocities
-    (as of a line through a second of positions), headings.
+    (as of a line through a second of positions), headings, the edges of boxes.
     """
     out, covariances, velocity_covariances = [], [], []
     for p in paths:
@@ -220,7 +224,10 @@ def seen_stage(
             velocity = velocity + (root @ rng.normal(size=(n, 2, 1)))[:, :, 0]
             if heading is not None:
                 heading = heading + p.heading_sigma_rad * rng.normal(size=n)
-        out.append(replace(p, xy_m=view.located(uv), velocity_mps=velocity, heading_rad=heading))
+        moved = replace(p, xy_m=view.located(uv), velocity_mps=velocity, heading_rad=heading)
+        out.append(
+            moved if p.height_m is None else replace(moved, box_xyxy=body_boxes(view, p, rng))
+        )
         covariances.append(covariance)
         velocity_covariances.append(of_velocity)
     stage = stage_of(*out, size=view.camera.image_size)
@@ -229,4 +236,20 @@ def seen_stage(
         covariance_m2=np.concatenate(covariances),
         velocity_covariance=np.concatenate(velocity_covariances),
     )
-    return replace(stage, tracks=tracks)
+    return replace(stage, tracks=tracks, camera=view.camera)
+
+
+def body_boxes(view: View, path: Path, rng: np.random.Generator | None = None) -> np.ndarray:
+    """Boxes from head to foot of somebody thin and upright, half as wide as tall; with ``rng`` the
+    upper and lower edges are off by 2 % of the box, and at least by a pixel.
+    """
+    foot, head = (
+        view.pixels(np.column_stack([path.xy_m, z])) for z in (np.zeros(len(path)), path.height_m)
+    )
+    top, bottom = head[:, 1], foot[:, 1]
+    tall = bottom - top
+    if rng is not None:
+        edge = np.maximum(0.02 * tall, 1.0)
+        top, bottom = (v + edge * rng.normal(size=len(path)) for v in (top, bottom))
+    left = (foot[:, 0] + head[:, 0]) / 2 - tall / 4
+    return np.column_stack([left, top, left + tall / 2, bottom])

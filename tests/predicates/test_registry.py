@@ -1,6 +1,7 @@
 """All predicates by name: what they promise, whatever the rows."""
 
 import inspect
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,16 +9,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.predicates.predicate_stages import Path, rows_of, stage_of
 
+from scene4d.model import Camera
 from scene4d.predicates.registry import PREDICATES
 
 NAMES = {
     "near", "far", "moving", "stationary", "moving_towards", "moving_away", "following",
     "turning_left", "turning_right", "speed_above", "speed_below", "reversing", "appears",
     "disappears", "inside", "crosses", "facing", "arm_moving_down", "arm_moving_up", "same_place",
-    "u_turning", "appears_from", "disappears_into",
+    "u_turning", "appears_from", "disappears_into", "stooping",
 }  # fmt: skip
-UNITS = {"m", "s", "m/s", "rad", "zone", "line", "side"}
+UNITS = {"m", "s", "m/s", "rad", "", "zone", "line", "side"}
 GIVEN = {"zone": "yard", "line": "gate"}
+CAMERA = Camera.from_pose(
+    image_size=(1280, 720), focal_px=900.0, tilt_rad=0.4, roll_rad=0.02, height_m=6.0
+)
 SQUARE = np.array([[0.0, 0.0], [5.0, 0.0], [5.0, 5.0], [0.0, 5.0]])
 
 
@@ -81,6 +86,7 @@ def paths(draw, tracks=3):
 def test_every_predicate_is_a_probability_or_unknown_of_its_own_row(some, data):
     places = data.draw(st.sampled_from(["zones", "lines"]))
     stage = stage_of(*some, **{places: {"yard" if places == "zones" else "gate": SQUARE}})
+    stage = replace(stage, camera=data.draw(st.sampled_from([None, CAMERA])))
     n = len(stage.tracks)
     index = st.lists(st.integers(0, n - 1), max_size=10)
     first = np.array(data.draw(index), int)
@@ -107,11 +113,11 @@ def test_of_no_rows_come_no_values():
     for name in NAMES - {"inside", "crosses"}:
         predicate = PREDICATES[name]
         assert predicate.function(*[nothing] * predicate.arity).shape == (0,)
-    empty = stage_of()
-    for name in NAMES - {"inside", "crosses"}:
-        predicate = PREDICATES[name]
-        roles = [empty.rows(np.array([], int))] * predicate.arity
-        assert predicate.function(*roles).shape == (0,)
+    for empty in (stage_of(), replace(stage_of(), camera=CAMERA)):
+        for name in NAMES - {"inside", "crosses"}:
+            predicate = PREDICATES[name]
+            roles = [empty.rows(np.array([], int))] * predicate.arity
+            assert predicate.function(*roles).shape == (0,)
 
 
 def test_rows_of_the_registry_can_be_read_off_a_stage():

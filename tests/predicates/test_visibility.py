@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import norm
 from tests.predicates.predicate_stages import STEP_S, Path, rows_of, stage_of
 
 from scene4d.predicates.visibility import appears, appears_from, disappears, disappears_into
@@ -125,6 +126,127 @@ def test_what_it_gets_into_is_no_obstacle_and_all_else_is(function):
     assert at_end(function, boxed(MIDDLE), other, b=2) > 0.95
 
 
+CAR = (580.0, 250.0, 700.0, 450.0)
+
+
+def into(box, car=CAR, function=disappears_into, **more) -> float:
+    return at_end(function, boxed(box, **more), boxed(car, 0.0, 20.0, name="car"), b=2)
+
+
+@pytest.mark.parametrize("function", [disappears_into, appears_from])
+@pytest.mark.parametrize("share", [0.0, 0.4, 0.7, 0.85, 1.0])
+def test_what_is_inside_a_thing_is_seen_within_its_outline(function, share):
+    """The share of the last (or first) box within b's, softly about 0.7."""
+    right = CAR[0] + 40 * share
+    expected = norm.cdf((share - 0.7) / 0.15)
+    assert into((right - 40, 300.0, right, 400.0), function=function) == pytest.approx(
+        expected, abs=0.005
+    )
+    lower = CAR[1] + 100 * share
+    found = into((600.0, lower - 100, 640.0, lower), function=function)
+    assert found == pytest.approx(expected, abs=0.005)
+
+
+@settings(max_examples=25)
+@given(st.floats(0.0, 1.0), st.floats(0.0, 0.2), st.booleans())
+def test_the_more_of_it_is_within_the_likelier_it_is_inside(share, more, begins):
+    function = appears_from if begins else disappears_into
+    found = [
+        into((CAR[2] - 40 * part, 300.0, CAR[2] - 40 * part + 40, 400.0), function=function)
+        for part in (share, min(1.0, share + more))
+    ]
+    assert 0 <= found[0] <= found[1] + 1e-9 <= 1 + 1e-9
+
+
+def test_within_is_asked_of_the_last_box_alone_and_of_where_b_is_then():
+    """Wherever it was before, and each moment with the box that b has at that moment."""
+    person, car = boxed(MIDDLE, velocity_px=(100.0, 0.0)), boxed(CAR, 0.0, 20.0, name="car")
+    stage = stage_of(person, car, CLOCK)
+    a = rows_of(stage, 1)
+    other = stage.rows(np.full(len(a), rows_of(stage, 2).index[0]))
+    found = disappears_into(a, other)
+    assert found.argmax() == len(a) - 1
+    bell = np.exp(-((a.time_s - a.time_s[-1]) ** 2) / 2)
+    np.testing.assert_allclose(found, found[-1] * bell, atol=1e-9)
+    # A car that comes: at the person's end it is there, a second before it was not.
+    comes = boxed(CAR, 4.0, 10.0, velocity_px=(150.0, 0.0), name="car")
+    stage = stage_of(boxed(MIDDLE), comes, CLOCK)
+    found = disappears_into(rows_of(stage, 1), rows_of(stage, 2))
+    assert found[-1] > 0.9
+    assert found[-6] < 0.05
+
+
+@pytest.mark.parametrize("function", [disappears_into, appears_from])
+def test_without_bs_box_nothing_is_known(function):
+    stage = stage_of(boxed(MIDDLE), boxed(CAR, 4.0, 10.0, name="car"), CLOCK)
+    box = stage.tracks.box_xyxy.copy()
+    gap = rows_of(stage, 2).index[10:15]
+    box[gap] = np.nan
+    holed = replace(stage, tracks=replace(stage.tracks, box_xyxy=box))
+    found = function(rows_of(holed, 1), rows_of(holed, 2))
+    assert np.flatnonzero(np.isnan(found)).tolist() == list(range(10, 15))
+    known = np.delete(np.arange(len(found)), np.arange(10, 15))
+    expected = function(rows_of(stage, 1), rows_of(stage, 2))
+    np.testing.assert_array_equal(found[known], expected[known])
+
+
+# Things at the picture's border are entered, too.
+AT_BORDER = (0.0, 300.0, 40.0, 400.0)
+CAR_AT_BORDER = (0.0, 250.0, 150.0, 450.0)
+WALKS_PX = 1.4 / 1.75 * 100
+"""At 1.4 m/s, of somebody who is 1.75 m and 100 px tall."""
+
+
+def test_who_stands_still_at_the_border_does_not_leave_through_it():
+    assert into(AT_BORDER, CAR_AT_BORDER) > 0.95
+    assert into(AT_BORDER, CAR_AT_BORDER, velocity_px=(-WALKS_PX, 0.0)) < 0.05
+    # Along the border and back into the picture is not out of it.
+    assert into(AT_BORDER, CAR_AT_BORDER, velocity_px=(0.0, WALKS_PX)) > 0.95
+    assert into(AT_BORDER, CAR_AT_BORDER, velocity_px=(WALKS_PX, 0.0)) > 0.95
+    # In time reversed who comes in through the border comes out of no car there.
+    assert into(AT_BORDER, CAR_AT_BORDER, appears_from, at_end=False) > 0.95
+    arrives = {"velocity_px": (WALKS_PX, 0.0), "at_end": False}
+    assert into(AT_BORDER, CAR_AT_BORDER, appears_from, **arrives) < 0.05
+
+
+def test_without_b_who_is_gone_at_the_border_is_explained_by_it_moving_or_not():
+    for speed in (0.0, -WALKS_PX, WALKS_PX):
+        assert at_end(disappears, boxed(AT_BORDER, velocity_px=(speed, 0.0))) < 0.05
+
+
+@pytest.mark.parametrize(
+    ("box", "car", "out"),
+    [
+        ((0.0, 300.0, 40.0, 400.0), (0.0, 250.0, 150.0, 450.0), (-1.0, 0.0)),
+        ((1239.0, 300.0, 1279.0, 400.0), (1100.0, 250.0, 1279.0, 450.0), (1.0, 0.0)),
+        ((600.0, 0.0, 640.0, 100.0), (500.0, 0.0, 700.0, 150.0), (0.0, -1.0)),
+        ((600.0, 619.0, 640.0, 719.0), (500.0, 550.0, 700.0, 719.0), (0.0, 1.0)),
+    ],
+)
+def test_every_border_is_one(box, car, out):
+    away = tuple(WALKS_PX * v for v in out)
+    assert into(box, car) > 0.95
+    assert into(box, car, velocity_px=away) < 0.05
+    assert into(box, car, velocity_px=tuple(-v for v in away)) > 0.95
+
+
+@settings(max_examples=25)
+@given(st.floats(0.0, 200.0), st.floats(0.0, 50.0), st.floats(0.0, 60.0))
+def test_the_faster_outwards_the_less_it_got_in(speed, more, left):
+    """Between what the border leaves of whoever goes through it, and what no border does."""
+    box = (left, 300.0, left + 40.0, 400.0)
+    slow, fast = (into(box, CAR_AT_BORDER, velocity_px=(-v, 0.0)) for v in (speed, speed + more))
+    assert fast <= slow + 1e-9
+    gone, wholly_within = at_end(disappears, boxed(box, velocity_px=(-speed, 0.0))), norm.cdf(2)
+    assert gone * wholly_within - 1e-6 <= slow <= wholly_within + 1e-6
+
+
+def test_the_border_is_no_matter_in_the_middle_whatever_the_motion():
+    for speed in (0.0, 100.0, -100.0):
+        moved = into(MIDDLE, velocity_px=(speed, 0.0))
+        assert moved == pytest.approx(into(MIDDLE), abs=1e-6)
+
+
 def test_the_clips_own_begin_and_end_are_none():
     everything = stage_of(boxed(MIDDLE, 0.0, 20.0), CLOCK)
     a = rows_of(everything, 1)
@@ -175,3 +297,11 @@ def test_time_reversed_the_one_is_the_other():
         np.testing.assert_allclose(
             disappears(rows_of(there, 1)), appears(rows_of(back, 1))[::-1], atol=1e-6
         )
+        into_cover, from_cover = (
+            function(a, at.rows(np.full(len(a), rows_of(at, 2).index[0])))
+            for function, at, a in (
+                (disappears_into, there, rows_of(there, 1)),
+                (appears_from, back, rows_of(back, 1)),
+            )
+        )
+        np.testing.assert_allclose(into_cover, from_cover[::-1], atol=1e-6)

@@ -66,6 +66,8 @@ SHAPES: dict[str, VehicleShape] = {
     "bus": _shape((11.3, 2.75, 3.3), (0.18, 0.08, 0.09), _BOXY),
     "motorcycle": _shape((2.1, 0.8, 1.25), (0.12, 0.15, 0.15), _TWO_WHEELS),
     "bicycle": _shape((1.72, 0.60, 1.15), (0.10, 0.15, 0.15), _TWO_WHEELS),
+    # Annotations that say no more (KPF): mostly cars, and pickups, vans, lorries and buses too, so
+    # that its size hardly tells its distance.
+    "vehicle": _shape((4.8, 1.95, 1.75), (0.30, 0.15, 0.25), _CAR),
 }
-SHAPES["vehicle"] = SHAPES["car"]  # annotations that say no more (KPF) are mostly of cars
 """Shapes by class name."""
