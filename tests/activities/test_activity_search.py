@@ -28,15 +28,32 @@ def _names(events):
     return [dict(event.roles) for event in events]
 
 
+def _boxes(xy, width, height, below=0.0):
+    """So large, on the feet that `acting.track` puts into the picture."""
+    foot = np.array([960.0, 540.0 + below]) + 10 * np.atleast_2d(xy) * [1, -1]
+    return np.hstack([foot - [width / 2, height], foot + [width / 2, 0]])
+
+
 def _parked(number=1, at=(0, 20), seconds=PARK_S):
-    return track(number, stay(at, seconds), kind="car")
+    path = stay(at, seconds)
+    return track(number, path, kind="car", box=_boxes(path, 160.0, 80.0, below=4.0))
 
 
-def _entering(number=2, begin_s=10.0, car=(0.0, 20.0), start=(-12.0, 14.0)):
+def _entering(number=2, begin_s=10.0, car=(0.0, 20.0), start=(-12.0, 14.0), bends=True):
+    """Somebody walks up to a car, stands there, bends into it within 0.6 s, and is gone."""
     car = np.asarray(car, float)
     door = car - np.array([1.0, 0.6])
     path = np.vstack([walk(start, door), stay(door, 1.0)])
-    return track(number, path, begin_s=begin_s)
+    person = track(number, path, begin_s=begin_s, box=_boxes(path, 25.0, 60.0))
+    return _bent(person) if bends else person
+
+
+def _bent(one: Tracks) -> Tracks:
+    """In the end seen less and less tall, on the same feet."""
+    box = one.box_xyxy.copy()
+    share = np.interp(np.arange(len(box)), [len(box) - 4, len(box) - 1], [1.0, 0.6])
+    box[:, 1] = box[:, 3] - share * (box[:, 3] - box[:, 1])
+    return replace(one, box_xyxy=box)
 
 
 def _turned(one: Tracks, angle: float, by=(0.0, 0.0)) -> Tracks:
@@ -77,6 +94,19 @@ def test_backwards_in_time_it_is_getting_out():
     assert find(world, CATALOGUE["person_enters_vehicle"], min_score=0.2) == []
 
 
+def test_who_vanishes_upright_did_not_get_in():
+    """One who is lost beside a car: as near, as sudden, and within its outline."""
+    upright = _entering(bends=False)
+    assert find(stage(_parked(), upright), CATALOGUE["person_enters_vehicle"], min_score=0.1) == []
+
+
+def test_who_vanishes_outside_its_outline_did_not_get_in():
+    """As near on the ground, and bent, but seen beside the car to the last."""
+    beside = _entering()
+    beside = replace(beside, box_xyxy=beside.box_xyxy + [-100.0, 0.0, -100.0, 0.0])
+    assert find(stage(_parked(), beside), CATALOGUE["person_enters_vehicle"]) == []
+
+
 def test_walking_by_is_neither():
     world = stage(_parked(), track(2, walk([-15, 18.5], [15, 18.5]), begin_s=10))
     for name in ("person_enters_vehicle", "person_exits_vehicle"):
@@ -94,6 +124,10 @@ def test_two_who_get_in_are_two_events_and_two_cars_beside_one_another_are_one()
     events = find(stage(*cars, *people), CATALOGUE["person_enters_vehicle"])
     assert [event.roles["person"] for event in events].count(2) == 1
     assert [event.roles["person"] for event in events].count(3) == 1
+    # Each of the cars, alone, is one that both got into.
+    for car in cars:
+        alone = find(stage(car, *people), CATALOGUE["person_enters_vehicle"])
+        assert sorted(event.roles["person"] for event in alone) == [2, 3]
 
 
 def _drive(number, speeds):
