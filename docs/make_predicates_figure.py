@@ -243,6 +243,36 @@ def cover(ax) -> None:
     ax.set(xlabel="share of a's last (first) box that b covers")
 
 
+def leaving(ax) -> None:
+    speeds = np.linspace(-60, 100, 81)
+    car = boxed((0.0, 250.0, 150.0, 450.0), 0.0, 20.0)
+    values: dict[str, list[float]] = {"disappears": [], "disappears_into": []}
+    for speed in speeds:
+        person = boxed((0.0, 300.0, 40.0, 400.0), 4.0, 14.0)
+        shift = (14.0 - person["t"])[:, None] * np.array([speed, 0.0, speed, 0.0])
+        stage = stage_of({**person, "box": np.add(person["box"], shift)}, car, CLOCK)
+        last = stage.rows(np.flatnonzero(stage.tracks.track == 0)[-1:])
+        other = stage.rows(np.flatnonzero(stage.tracks.track == 1)[:1])
+        values["disappears"].append(PREDICATES["disappears"].function(last)[0])
+        values["disappears_into"].append(PREDICATES["disappears_into"].function(last, other)[0])
+    for (name, found), colour in zip(values.items(), (RED, BLUE), strict=True):
+        line(ax, speeds, name, found, colour, False)
+    ax.set(xlabel="outwards at the border, px/s; box of 40 x 100 px within b")
+
+
+def stoops(ax) -> None:
+    shares = np.linspace(0.5, 1.1, 121)
+    for tall, colour in ((200.0, BLUE), (40.0, RED), (15.0, GREEN)):
+        values = []
+        for share in shares:
+            top = 600 - tall * np.append(np.ones(9), share)
+            box = np.column_stack([np.full(10, 300.0), top, np.full(10, 330.0), np.full(10, 600.0)])
+            stage = stage_of({"xy": np.zeros((10, 2)), "v": 0.0, "box": box})
+            values.append(PREDICATES["stooping"].function(stage.rows(np.array([9])))[0])
+        line(ax, shares, "stooping", values, colour, False, f"stooping, {tall:.0f} px tall")
+    ax.set(xlabel="height over standing height")
+
+
 def zones(ax) -> None:
     x = np.linspace(-3, 9, 240)
     zone = {"yard": np.array([[0.0, -5.0], [6.0, -5.0], [6.0, 5.0], [0.0, 5.0]])}
@@ -288,13 +318,16 @@ def arms(ax) -> None:
 
 PANELS = (
     ground, speeds, directions, followers, looks, sides, turns, u_turns, gears, ends, border, cover,
-    zones, lines, arms,
+    leaving, stoops, zones, lines, arms,
 )  # fmt: skip
 
 
 def main() -> None:
-    figure = Figure(figsize=(13, 16.5), layout="constrained")
-    for ax, draw in zip(figure.subplots(5, 3).ravel(), PANELS, strict=True):
+    figure = Figure(figsize=(13, 19.5), layout="constrained")
+    axes = figure.subplots(-(-len(PANELS) // 3), 3).ravel()
+    for ax in axes[len(PANELS) :]:
+        ax.remove()
+    for ax, draw in zip(axes[: len(PANELS)], PANELS, strict=True):
         ax.set(ylim=(-0.03, 1.05))
         draw(ax)
         ax.grid(alpha=0.3)

@@ -8,8 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scene4d.activities.compose import MOST_GAIN, STRETCH, Aligned, Moments, Span, align, odds
+from scene4d.activities.definition import Activity, Phase, Relation, Role, Term
 from scene4d.activities.evidence import FLOOR
 from scene4d.activities.ragged import expand, runs, window_max
+from scene4d.activities.related import align_related
 
 STEP_S = 0.5
 
@@ -203,3 +205,36 @@ def test_half_of_a_core_must_be_there():
         moments = Moments(np.array(ticks), np.array([0]))
         found = align(moments, log_p, log_p, [Span(10, None, 0)], STEP_S, -1.0)
         assert len(found) == expected
+
+
+def _bumps(*middles, n=60, width=3.0):
+    """Probabilities of one cast that rise to 0.95 at each of some moments."""
+    t = np.arange(n)
+    heights = [0.95 * np.exp(-(((t - middle) / width) ** 2) / 2) for middle in middles]
+    return np.log(np.maximum(np.maximum.reduce(heights), FLOOR))[None]
+
+
+def test_the_flanks_of_an_event_are_no_events():
+    moments = Moments(np.arange(60), np.array([0]))
+    for middles in ((30,), (12, 45), (9, 30, 51)):
+        log_p = _bumps(*middles)
+        found = align(moments, log_p, log_p, [Span(2, None, 0)], STEP_S, np.log(0.05))
+        cores = sorted(one.core[0] for _, one in found)
+        assert len(cores) == len(middles)
+        for (first, last), middle in zip(cores, middles, strict=True):
+            assert first <= middle <= last
+
+
+def test_the_flanks_of_an_event_with_relations_are_no_events():
+    term = Term("moving", ("person",), {})
+    activity = Activity(
+        "a",
+        (Role("person", ("person",)),),
+        (Phase("short", (term,), 0.5), Phase("long", (term,), 1.0)),
+        (Relation("short", "during", "long"),),
+    )
+    log_p = np.vstack([_bumps(30, width=2.0), _bumps(30, width=5.0)])
+    moments = Moments(np.arange(60), np.array([0]))
+    spans = [Span(1, None, 0), Span(2, None, 0)]
+    found = align_related(moments, log_p, log_p, activity, spans, STEP_S, np.log(1e-3))
+    assert len(found) == 1

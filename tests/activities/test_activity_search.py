@@ -30,8 +30,8 @@ def _names(events):
 
 def _boxes(xy, width, height, below=0.0):
     """So large, on the feet that `acting.track` puts into the picture."""
-    foot = np.array([960.0, 540.0 + below]) + 10 * np.atleast_2d(xy) * [1, -1]
-    return np.hstack([foot - [width / 2, height], foot + [width / 2, 0]])
+    middle = np.array([960.0, 540.0 + below]) + 10 * np.atleast_2d(xy) * [1, -1]
+    return np.hstack([middle - np.array([width / 2, height]), middle + np.array([width / 2, 0])])
 
 
 def _parked(number=1, at=(0, 20), seconds=PARK_S):
@@ -102,9 +102,9 @@ def test_who_vanishes_upright_did_not_get_in():
 
 def test_who_vanishes_outside_its_outline_did_not_get_in():
     """As near on the ground, and bent, but seen beside the car to the last."""
-    beside = _entering()
-    beside = replace(beside, box_xyxy=beside.box_xyxy + [-100.0, 0.0, -100.0, 0.0])
-    assert find(stage(_parked(), beside), CATALOGUE["person_enters_vehicle"]) == []
+    aside = _entering()
+    aside = replace(aside, box_xyxy=aside.box_xyxy - np.array([100.0, 0.0, 100.0, 0.0]))
+    assert find(stage(_parked(), aside), CATALOGUE["person_enters_vehicle"]) == []
 
 
 def test_walking_by_is_neither():

@@ -142,6 +142,13 @@ def test_the_python_of_the_page_on_searching_runs(gate, tmp_path, monkeypatch, c
     assert f"person {scenes.PERSON} enters vehicle {scenes.PARKED}" in capsys.readouterr().out
 
 
+def test_what_the_page_on_searching_says_is_understood_is_what_is_printed(run, gate):
+    (shown,) = re.findall(r"```\n(Understood .*?)```", DOCS.read_text(), re.DOTALL)
+    asked = re.search(r'scene4d search scene "(.*)"', DOCS.read_text())[1]
+    result = run("search", gate, asked)
+    assert result.stdout.startswith(shown + "\n")
+
+
 def test_the_commands_of_the_page_on_searching_run(run, gate, tmp_path, monkeypatch):
     (tmp_path / "scene").symlink_to(gate)
     monkeypatch.chdir(tmp_path)

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from walks import CAMERA, SIZE
 
 from scene4d.activities.definition import Activity, Phase, Role, Term
+from scene4d.activities.search import find
 from scene4d.errors import InputError
 from scene4d.model import Calibration, Tracks
 from scene4d.pipeline import Silent
-from scene4d.pipeline.searching import found_in, staging
+from scene4d.pipeline.searching import staging
 from scene4d.pipeline.searching.staging import Staged, camera_factor, stage_of, stages, thinned
 from scene4d.pipeline.tracking import TrackOptions, track_scene
 
@@ -258,22 +259,12 @@ def staged_pair(second: str) -> Staged:
 
 
 def test_events_have_the_frames_of_the_footage():
-    (found,) = found_in([staged_pair("car")], [NEAR])
-    assert found.event.activity == "stands_together"
-    assert dict(found.event.roles) == {"person": 1, "vehicle": 2}
-    assert found.begin_frame == round(30 * found.event.begin_s)
-    assert found.end_frame == round(30 * found.event.end_s)
-    assert 30 <= found.begin_frame < found.end_frame <= 120
-    assert found.staged.camera == "here"
+    staged = staged_pair("car")
+    (event,) = find(staged.stage, NEAR)
+    begin, end = staged.frame_at(event.begin_s), staged.frame_at(event.end_s)
+    assert (begin, end) == (round(30 * event.begin_s), round(30 * event.end_s))
+    assert 30 <= begin < end <= 120
 
 
 def test_a_clip_with_nobody_for_a_role_holds_no_event():
-    assert list(found_in([staged_pair("bicycle")], [NEAR])) == []
-    everybody = [staged_pair("bicycle"), staged_pair("car"), staged_pair("car")]
-    assert len(list(found_in(everybody, [NEAR]))) == 2
-
-
-def test_only_events_with_the_least_score():
-    (found,) = found_in([staged_pair("car")], [NEAR])
-    above = min(1.0, found.event.score + 1e-6)
-    assert list(found_in([staged_pair("car")], [NEAR], min_score=above)) == []
+    assert find(staged_pair("bicycle").stage, NEAR) == []

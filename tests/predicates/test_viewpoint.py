@@ -18,6 +18,7 @@ from tests.predicates.predicate_stages import (
     straight,
 )
 
+from scene4d.predicates.posture import stooping
 from scene4d.predicates.registry import PREDICATES
 
 CAMERAS = 4
@@ -106,6 +107,50 @@ def test_with_noise_it_differs_by_as_much_as_its_errors_say(name):
     miss, predicted = np.concatenate(off), np.concatenate(spread)
     assert (miss <= 3 * predicted + 0.05).mean() > 0.97
     # On the whole the miss is as large as predicted, neither less nor more.
+    assert 0.7 < np.sqrt((miss**2).mean() / (predicted**2).mean()) < 1.4
+
+
+def bends(share: np.ndarray) -> Path:
+    """Somebody of 1.75 m walks, and is as tall as these shares of it."""
+    return replace(straight((-1.5, -1.0), (0.7, 0.5), 4.0), height_m=1.75 * share)
+
+
+SHARES = {
+    "stands": np.ones(21),
+    "bends once": np.append(np.ones(12), [0.95, 0.9, 0.85, 0.8, 0.7, 0.7, 0.8, 0.9, 1.0]),
+    "sits down": np.append(np.ones(12), np.full(9, 0.75)),
+}
+
+
+@pytest.mark.parametrize("name", SHARES)
+def test_without_noise_stooping_is_the_same_in_every_view(name):
+    """And as if seen from the side by a camera that is far away."""
+    rng = np.random.default_rng(14)
+    path = bends(SHARES[name])
+    corner = np.tile([300.0, 200.0, 350.0, 200.0], (21, 1))
+    corner[:, 3] += 250.0 * SHARES[name]
+    expected = stooping(rows_of(stage_of(replace(path, box_xyxy=corner)), 1))
+    for _ in range(2 * CAMERAS):
+        stage = seen_stage(random_view(rng, max_tilt_deg=35.0), path)
+        found = stooping(rows_of(stage, 1))
+        # A hundredth of the height, where the value is steepest.
+        np.testing.assert_allclose(found, expected, atol=0.07)
+
+
+def test_with_noise_stooping_differs_by_as_much_as_its_errors_say():
+    """Boxes whose edges are off by 2 %, or a pixel."""
+    rng = np.random.default_rng(15)
+    off, spread = [], []
+    for path in map(bends, SHARES.values()):
+        for _ in range(CAMERAS):
+            view = random_view(rng, max_tilt_deg=35.0)
+            true = stooping(rows_of(seen_stage(view, path, sigma_px=NOISE_PX), 1))
+            drawn = seen_stage(view, *[path] * REDRAWN, rng=rng, sigma_px=NOISE_PX)
+            draws = stooping(drawn.rows(np.arange(len(drawn.tracks)))).reshape(REDRAWN, -1)
+            off.append(np.abs(draws[0] - true))
+            spread.append(draws[1:].std(axis=0))
+    miss, predicted = np.concatenate(off), np.concatenate(spread)
+    assert (miss <= 3 * predicted + 0.05).mean() > 0.97
     assert 0.7 < np.sqrt((miss**2).mean() / (predicted**2).mean()) < 1.4
 
 

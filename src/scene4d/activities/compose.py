@@ -63,6 +63,12 @@ class Aligned:
         """Last position of all phases."""
         return max(last for _, last in self.whole)
 
+    def is_flank(self, first: int | None, last: int | None) -> bool:
+        """Whether a core begins at ``first`` or ends at ``last``, where better events were cut out
+        (None: none was).
+        """
+        return any(begin == first or end == last for begin, end in self.core)
+
 
 @dataclass(eq=False)
 class Moments:
@@ -109,29 +115,38 @@ def align(
 
     After the best alignment of a cast, what lies before it and what lies behind it are searched in
     the same way, until nothing of ``least_log_score`` is left; so a cast's events do not overlap.
+    An alignment with a core that ends where a better event was cut out is that event's flank, and
+    no other event.
     """
     out: list[tuple[int, Aligned]] = []
     position = np.arange(len(moments.tick))
     owner = np.repeat(np.arange(len(moments.first)), np.diff([*moments.first, len(position)]))
+    cut = np.zeros((len(moments.first), 2), bool)
     needed = sum(span.shortest for span in spans)
     while len(position):
         first = np.flatnonzero(np.append(True, owner[1:] != owner[:-1]))
         left = Moments(moments.tick[position], first)
         table = _Table(left, log_p[:, position], log_judged[:, position], spans, step_s)
         ends = np.append(first[1:], len(position))
-        pieces: list[np.ndarray] = []
+        pieces: list[tuple[np.ndarray, tuple[bool, bool]]] = []
         for number, last in table.best(least_log_score):
             found = table.trace(last)
             if found.log_score < least_log_score:
                 continue
-            piece = position[first[number] : ends[number]]
-            cast = int(np.searchsorted(moments.first, piece[0], side="right")) - 1
-            out.append((cast, _shifted(found, position)))
-            offset = first[number]
-            pieces += [piece[: found.begin - offset], piece[found.end - offset + 1 :]]
-        pieces = [piece for piece in pieces if len(piece) * 2 >= needed]
-        position = np.concatenate(pieces) if pieces else np.zeros(0, int)
-        owner = np.repeat(np.arange(len(pieces)), [len(piece) for piece in pieces])
+            begin, end = int(first[number]), int(ends[number])
+            piece = position[begin:end]
+            before, behind = cut[number]
+            if not found.is_flank(begin if before else None, end - 1 if behind else None):
+                cast = int(np.searchsorted(moments.first, piece[0], side="right")) - 1
+                out.append((cast, _shifted(found, position)))
+            pieces += [
+                (piece[: found.begin - begin], (before, True)),
+                (piece[found.end - begin + 1 :], (True, behind)),
+            ]
+        pieces = [piece for piece in pieces if len(piece[0]) * 2 >= needed]
+        cut = np.array([edges for _, edges in pieces], bool).reshape(-1, 2)
+        position = np.concatenate([np.zeros(0, int), *(piece for piece, _ in pieces)])
+        owner = np.repeat(np.arange(len(pieces)), [len(piece) for piece, _ in pieces])
     return out
 
 

@@ -50,14 +50,14 @@ def align_related(
     least_log_score: float,
 ) -> list[tuple[int, Aligned]]:
     """As :func:`compose.align`, for an activity with relations; the best event first, then those
-    wholly before or behind it.
+    wholly before or behind it that are no flanks of it.
     """
     out: list[tuple[int, Aligned]] = []
     ends = [*moments.first[1:], len(moments.tick)]
     for cast, (begin, end) in enumerate(zip(moments.first, ends, strict=True)):
-        todo = [(int(begin), int(end))]
+        todo: list[tuple[int, int, bool, bool]] = [(int(begin), int(end), False, False)]
         while todo:
-            low, high = todo.pop()
+            low, high, before, behind = todo.pop()
             rows = slice(low, high)
             found = _best(
                 moments.tick[rows], log_p[:, rows], log_judged[:, rows], activity, spans, step_s
@@ -70,8 +70,9 @@ def align_related(
                 found.log_score,
                 found.stretched,
             )
-            out.append((cast, moved))
-            todo += [(low, moved.begin), (moved.end + 1, high)]
+            if not moved.is_flank(low if before else None, high - 1 if behind else None):
+                out.append((cast, moved))
+            todo += [(low, moved.begin, before, True), (moved.end + 1, high, True, behind)]
     return out
 
 

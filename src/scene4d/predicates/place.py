@@ -120,7 +120,10 @@ def _contains(xy: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Even-odd rule: how many edges does the ray along +X meet?"""
     x, y = xy[:, :1], xy[:, 1:]
     straddles = (start[:, 1] > y) != (end[:, 1] > y)
-    rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
-    meets = start[:, 0] + (y - start[:, 1]) * (end[:, 0] - start[:, 0]) / rise
+    # Of edges that straddle the ray the share lies in 0 to 1, however little they rise.
+    share = np.divide(
+        y - start[:, 1], end[:, 1] - start[:, 1], where=straddles, out=np.zeros(straddles.shape)
+    )
+    meets = start[:, 0] + share * (end[:, 0] - start[:, 0])
     inside: np.ndarray = (straddles & (x < meets)).sum(axis=1) % 2 == 1
     return inside

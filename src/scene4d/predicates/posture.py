@@ -57,7 +57,8 @@ def _heights_m(stage: Stage, rows: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n
     whole = (box[:, 1] > BORDER_PX) & (box[:, 3] < stage.image_size[1] - 1 - BORDER_PX)
     seen = stage.tracks.observed[rows] & whole
     height = np.where(seen, box[:, 3] - box[:, 1], np.nan)
-    return np.asarray(height / stage.px_per_m(rows))
+    px_per_m = stage.px_per_m(rows)  # 0 of somebody who stands right below the camera
+    return np.asarray(height / np.where(px_per_m > 0, px_per_m, np.nan))
 
 
 def _upper_quartile(

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from scene4d.activities.catalogue import load_catalogue
 from scene4d.activities.definition import Activity
 from scene4d.activities.identity import unite_tracks
-from scene4d.activities.search import LEAST_SCORE
+from scene4d.activities.search import LEAST_SCORE, find
 from scene4d.errors import InputError
 from scene4d.evaluate.activity_baselines import in_pixels, near_alone
 from scene4d.evaluate.activity_evaluation import ActivityEvaluation, ActivityOutcome, Method
@@ -26,9 +26,10 @@ from scene4d.model import Calibration, Detections
 from scene4d.pipeline.evaluating.meva_ground import Ground, local_ground
 from scene4d.pipeline.evaluating.meva_tracks import followed
 from scene4d.pipeline.progress import Progress, timed
-from scene4d.pipeline.searching import Staged, found_in, stage_of
+from scene4d.pipeline.searching import stage_of
 from scene4d.pipeline.tracking import TrackOptions
 from scene4d.pipeline.watching import noted_annotations
+from scene4d.predicates.rows import Stage
 
 TUNED = ("G341", "G424")
 """Cameras whose clips every constant was chosen on."""
@@ -66,7 +67,7 @@ class Clip:
     name: str
     camera: str
     minutes: float
-    staged: Staged
+    stage: Stage
     ground: Ground
     labelled: tuple[LabelledActivity, ...]
 
@@ -161,7 +162,7 @@ def _clip(path: Path, name: re.Match[str], annotated: Detections, ground: Ground
     options = TrackOptions(f"{ground.camera}.krtd", annotations=path, name=ground.camera, fps=FPS)
     tracks = followed(annotated, ground.calibration, options, FPS)
     stage = unite_tracks(stage_of(tracks, ground.calibration))
-    return Clip(stem, ground.camera, _minutes(name), Staged(stage, ground.camera), ground, labelled)
+    return Clip(stem, ground.camera, _minutes(name), stage, ground, labelled)
 
 
 def _minutes(name: re.Match[str]) -> float:
@@ -229,23 +230,23 @@ def chosen_factors(
     return {name: factor for name, (_, factor) in best.items()}
 
 
-def seen_by(method: Method, clips: Sequence[Clip], metres_per_px: float) -> list[Staged]:
+def seen_by(method: Method, clips: Sequence[Clip], metres_per_px: float) -> list[Stage]:
     """The clips' stages as a method sees them."""
     if method is not PIXELS:
-        return [clip.staged for clip in clips]
-    return [Staged(in_pixels(clip.staged.stage, metres_per_px), clip.camera) for clip in clips]
+        return [clip.stage for clip in clips]
+    return [in_pixels(clip.stage, metres_per_px) for clip in clips]
 
 
 def ranked_by(
-    method: Method, clips: Sequence[Clip], seen: Sequence[Staged], activity: Activity
+    method: Method, clips: Sequence[Clip], seen: Sequence[Stage], activity: Activity
 ) -> Ranked | None:
     """What a method finds of an activity in the clips; None where it cannot look for it."""
     searched = near_alone(activity) if method is NEAR else activity
     if searched is None:
         return None
     events = []
-    for clip, staged in zip(clips, seen, strict=True):
-        found = [f.event for f in found_in([staged], [searched], min_score=LEAST_SCORE)]
+    for clip, stage in zip(clips, seen, strict=True):
+        found = find(stage, searched, min_score=LEAST_SCORE)
         spans = np.array([(event.begin_s, event.end_s) for event in found], float).reshape(-1, 2)
         score = np.array([event.score for event in found], float)
         events.append(ClipEvents(clip.label_s(activity.labels), spans, score))
