@@ -225,6 +225,17 @@ def test_the_flanks_of_an_event_are_no_events():
             assert first <= middle <= last
 
 
+@pytest.mark.parametrize("again", [5, 8, 14, 15, 16, 20])
+def test_what_happens_again_at_once_is_another_event(again):
+    """Moves and stands, and moves and stands: however the cores lie, these are two stops."""
+    moves = np.array([0.95] * 15 + [0.05] * 10 + [0.95] * again + [0.05] * 20)
+    log_p = np.log(np.vstack([moves, 1 - moves]))
+    moments = Moments(np.arange(len(moves)), np.array([0]))
+    spans = [Span(3, 15, 0), Span(3, 10, 10)]
+    found = align(moments, log_p, log_p, spans, 0.2, np.log(0.05))
+    assert len(found) == 2
+
+
 def test_the_flanks_of_an_event_with_relations_are_no_events():
     term = Term("moving", ("person",), {})
     activity = Activity(

@@ -122,6 +122,30 @@ def test_rows_out_of_order_are_refused():
         _ = Clock(stage(late)).tick
 
 
+@given(
+    st.floats(-1000.0, 1000.0),
+    st.sampled_from([0.04, 0.2, 0.25, 0.5, 1.0, 6.006 / 30]),
+    st.sampled_from([0.0, 0.5, -0.5]),
+)
+def test_moments_a_step_apart_are_a_tick_apart(begin_s, step_s, offset):
+    """Wherever they begin: of ticks that are rounded to even, every other one would be missing."""
+    begin_s = step_s * (round(begin_s / step_s) + offset)
+    one = track(1, stay([0, 0], 60 * step_s, step_s), begin_s=begin_s, step_s=step_s)
+    other = track(2, stay([1, 0], 30 * step_s, step_s), begin_s=begin_s + 7 * step_s, step_s=step_s)
+    clock = Clock(stage(one, other, step_s=step_s))
+    assert clock.tick.tolist() == [*range(60), *range(7, 37)]
+    assert clock.used.all()
+    i, j = meetings(clock, np.arange(60), np.arange(60, 90), reach_m=2.0, lag=3)
+    assert (i - (j - 60)).tolist() == [10] * 30
+
+
+def test_tracks_that_are_seen_half_a_step_after_others_lose_no_moment():
+    one = track(1, stay([0, 0], 8))
+    clock = Clock(stage(one, track(2, stay([0, 0], 8), begin_s=0.5 * STEP_S)))
+    assert clock.tick.tolist() == [*range(40), *range(40)]
+    assert clock.used.all()
+
+
 def test_two_rows_of_a_moment_count_once():
     one = track(1, stay([0, 0], 2), step_s=0.05)
     clock = Clock(stage(one))

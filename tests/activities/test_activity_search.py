@@ -13,7 +13,7 @@ from scene4d.activities.definition import Activity, Phase, Relation, Role, Term
 from scene4d.activities.events import WITHOUT_BREAK, Event, Found, one_per_occurrence
 from scene4d.activities.identity import unite_tracks
 from scene4d.activities.known import PREDICATES
-from scene4d.activities.search import find
+from scene4d.activities.search import find, judge
 from scene4d.errors import InputError
 from scene4d.model import Tracks
 
@@ -544,6 +544,54 @@ def test_uniting_keeps_rows_and_factors_together():
     united = unite_tracks(replace(world, camera_factor=factor))
     assert len(united.tracks) == len(other)
     assert united.camera_factor is not None
-    assert np.array_equal(united.camera_factor, factor[len(one) :])
+    assert np.array_equal(united.camera_factor[np.arange(len(other))], factor[len(one) :])
+    assert np.array_equal(united.camera_factor[np.array([7, 2])], factor[len(one) :][[7, 2]])
     nobody = replace(world, tracks=world.tracks.select(np.zeros(0, int)))
     assert len(unite_tracks(nobody).tracks) == 0
+
+
+def test_uniting_asks_for_no_factors():
+    asked = []
+
+    class Counting:
+        def __len__(self):
+            return len(world.tracks)
+
+        def __getitem__(self, rows):
+            asked.append(rows.tolist())
+            return np.zeros((len(rows), 2, 1))
+
+    world = stage(track(3, stay([0, 10], 4)), track(8, stay([0, 10], 6)))
+    united = unite_tracks(replace(world, camera_factor=Counting()))
+    assert asked == []
+    united.rows(np.array([5])).camera_factor  # noqa: B018
+    assert asked == [[25]]
+
+
+@pytest.mark.parametrize("name", ["person_enters_vehicle", "vehicle_stops"])
+def test_how_many_were_judged_comes_with_the_events(name):
+    """Two people at a car, and one far away; a truck too, which nobody is near."""
+    truck = track(7, stay([90, 20], PARK_S), kind="truck")
+    near = [_entering(2), _entering(3, begin_s=12.0, start=(-12.0, 25.0))]
+    far = track(4, stay([40, 60], PARK_S))
+    world = stage(_parked(), truck, far, *near)
+    for least in (0.05, 1.0):
+        judged = judge(world, CATALOGUE[name], min_score=least)
+        assert judged.events == find(world, CATALOGUE[name], min_score=least)
+        assert judged.casts == 2
+
+
+@given(st.sampled_from([0.1, 0.3, 7.1, 0.0999999999, 4.2]))
+@settings(deadline=None)
+def test_when_a_clip_begins_makes_no_difference(begin_s):
+    """Half a step late too, where moments lie between two ticks of a clock that begins at 0."""
+    world = stage(_parked(), _entering())
+    late = replace(world, tracks=replace(world.tracks, time_s=world.tracks.time_s + begin_s))
+    for name in ("person_enters_vehicle", "vehicle_stops"):
+        before, after = (find(one, CATALOGUE[name]) for one in (world, late))
+        assert [(e.score, e.roles) for e in after] == [
+            (pytest.approx(e.score), e.roles) for e in before
+        ]
+        for one, other in zip(before, after, strict=True):
+            assert other.begin_s == pytest.approx(one.begin_s + begin_s)
+            assert other.end_s == pytest.approx(one.end_s + begin_s)

@@ -3,12 +3,16 @@
 import json
 import re
 import shlex
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
 from tests.pipeline import finding_scenes as scenes
 
+from scene4d.activities.search import LEAST_SCORE
+
 DOCS = Path(__file__).parents[2] / "docs" / "search.md"
+LANGUAGE = DOCS.with_name("search-language.md")
 
 
 @pytest.fixture(scope="module")
@@ -42,6 +46,17 @@ def test_top_shows_the_best(run, gate):
     assert "The 1 best of them:" in result.stdout
     assert "\n  1  " in result.stdout
     assert "\n  2  " not in result.stdout
+
+
+def test_no_event_scores_less_than_a_thousandth_and_help_and_page_say_so(run, gate):
+    def events(least):
+        result = run("search", gate, "person moves", "--json", "--min-score", least)
+        return json.loads(result.stdout)["events"]
+
+    assert events("0") == events(f"{LEAST_SCORE:g}") != []
+    said = " ".join(re.sub("[│╭╮╰╯─]", " ", run("search", "--help").stdout).split())
+    assert f"less than {LEAST_SCORE:g} counts as {LEAST_SCORE:g}" in said
+    assert f"so 0 means {LEAST_SCORE:g}" in " ".join(DOCS.read_text().split())
 
 
 def test_nothing_found_is_no_error(run, gate):
@@ -147,6 +162,17 @@ def test_what_the_page_on_searching_says_is_understood_is_what_is_printed(run, g
     asked = re.search(r'scene4d search scene "(.*)"', DOCS.read_text())[1]
     result = run("search", gate, asked)
     assert result.stdout.startswith(shown + "\n")
+
+
+def test_what_the_page_on_words_says_is_understood_is_what_is_printed(run, tmp_path):
+    evening = datetime(2026, 11, 20, 21, 30, tzinfo=UTC)
+    everybody = [*scenes.people(), scenes.parked()]
+    scene = scenes.write_scene(tmp_path / "scene", everybody, start=evening)
+    (shown,) = re.findall(r"```\n(Understood .*?)```", LANGUAGE.read_text(), re.DOTALL)
+    asked = shown.splitlines()[0].removeprefix("Understood").strip()
+    result = run("search", scene, asked)
+    assert result.stdout.startswith(shown + "\n")
+    assert "1 event in 1 clip" in result.stdout
 
 
 def test_the_commands_of_the_page_on_searching_run(run, gate, tmp_path, monkeypatch):

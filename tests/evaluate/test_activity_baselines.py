@@ -139,8 +139,8 @@ def test_near_alone():
     )
     alone = near_alone(activity)
     assert [(p.name, p.terms, p.min_s, p.max_s, p.gap_s) for p in alone.phases] == [
-        ("a", (NEAR,), 1, 2, 0),
-        ("c", (NEAR,), 1, 3, 4.75),
+        ("a", (NEAR,), 1, np.inf, 0),
+        ("c", (NEAR,), 1, np.inf, 4.75),
     ]
     assert (alone.name, alone.roles, alone.labels) == ("x", ROLES, ("X",))
 

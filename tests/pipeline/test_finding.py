@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from tests.pipeline import finding_scenes as scenes
 
+from scene4d.activities import casting
 from scene4d.activities.catalogue import load_catalogue
 from scene4d.activities.definition import Activity, Phase, Role, Term
 from scene4d.activities.language import Query, Window
@@ -25,7 +26,7 @@ from scene4d.pipeline.finding.loading import lean_tracks, staged_run
 from scene4d.pipeline.finding.places import Places
 from scene4d.pipeline.finding.telling import clip_time, verdict
 from scene4d.pipeline.finding.writing import write_search
-from scene4d.pipeline.searching import stages
+from scene4d.pipeline.searching import stage_of
 from scene4d.pipeline.searching.staging import thinned
 from scene4d.scene.query import Scene
 
@@ -131,14 +132,14 @@ def test_lean_rows_are_thinned_as_whole_ones(gate):
 
 def test_nothing_is_missed_for_the_lean_rows(gate):
     """The same events as of everything that the scene holds, for every activity."""
-    (whole,) = stages(gate)
     calibration = Calibration.load(gate.camera_file("gate"))
+    whole = stage_of(gate.tracks(), calibration)
     lean = staged_run(gate, gate.runs[0], calibration, Places(), with_keypoints=False)
     for activity in load_catalogue().values():
         terms = [term for phase in activity.phases for term in phase.terms]
         if any("zone" in term.parameters for term in terms):
             continue
-        assert find(lean.stage, activity) == find(whole.stage, activity), activity.name
+        assert find(lean.stage, activity) == find(whole, activity), activity.name
 
 
 def test_unknown_places_and_boxes_come_as_nan(tmp_path):
@@ -188,8 +189,25 @@ def test_nothing_found_says_how_much_was_looked_at(tmp_path):
         f"Nothing found in 1 clip of 1 camera: of {done.candidates} candidate "
         f"pair{'' if done.candidates == 1 else 's'} (person, vehicle) none scores 0.9 or more."
     )
+    any_at_all = found(Scene.open(folder), ENTERS, min_score=0.0)
+    assert any_at_all.events == []
+    assert "none scores 0.001 or more" in verdict(any_at_all)
     near = scenes.write_scene(tmp_path / "near", [scenes.people()[0], scenes.parked()])
     assert found(Scene.open(near), ENTERS, min_score=1.0).candidates >= 1
+
+
+@pytest.mark.parametrize("least", [0.05, 1.0])
+def test_a_run_is_cast_once_whether_anything_is_found_or_not(gate, monkeypatch, least):
+    made = []
+    original = casting._ordered
+
+    def counting(*arguments):
+        made.append(arguments)
+        return original(*arguments)
+
+    monkeypatch.setattr(casting, "_ordered", counting)
+    assert bool(found(gate, ENTERS, min_score=least).events) == (least < 1)
+    assert len(made) == 1
 
 
 def test_a_class_never_seen_is_an_error_that_says_what_is_there(tmp_path):

@@ -9,13 +9,10 @@ from hypothesis import strategies as st
 from walks import CAMERA, SIZE
 
 from scene4d.activities.definition import Activity, Phase, Role, Term
+from scene4d.activities.meeting import ticks_of
 from scene4d.activities.search import find
-from scene4d.errors import InputError
 from scene4d.model import Calibration, Tracks
-from scene4d.pipeline import Silent
-from scene4d.pipeline.searching import staging
-from scene4d.pipeline.searching.staging import Staged, camera_factor, stage_of, stages, thinned
-from scene4d.pipeline.tracking import TrackOptions, track_scene
+from scene4d.pipeline.searching.staging import Staged, factors_of, kept_moments, stage_of, thinned
 
 SIGMA = np.array([0.02, 0.01, 0.008, 0.05, 0.0])
 
@@ -71,6 +68,47 @@ def test_what_is_coarse_already_is_left_alone():
     assert found.frame.tolist() == tracks.frame.tolist()
 
 
+@pytest.mark.parametrize("hz", [1.0, 2.5, 4.0, 5.0])
+@pytest.mark.parametrize("begin", [0.0, 0.5, 1.5, 1.0 / 3.0])
+def test_wherever_it_begins_nothing_is_lost(hz, begin):
+    """Of moments half a step behind the clock's zero, rounding to even would drop every other."""
+    time_s = (begin + np.arange(40.0)) / hz
+    kept, step = kept_moments(time_s, 0.2)
+    assert kept is None
+    assert step == pytest.approx(1 / hz)
+
+
+@pytest.mark.parametrize("first", range(7))
+def test_wherever_it_begins_every_third_of_15_a_second_is_kept(first):
+    time_s = (first + np.arange(61)) / 15
+    kept, step = kept_moments(time_s, 0.2)
+    assert step == pytest.approx(0.2)
+    assert np.flatnonzero(kept).tolist() == list(range(0, 61, 3))
+
+
+@pytest.mark.parametrize(
+    ("own_hz", "searched_hz"),
+    [
+        (30 / 3, 5),
+        (30 / 1.001 / 3, 5 / 1.001),
+        (60 / 1.001 / 6, 5 / 1.001),
+        (24 / 1.001 / 2, 6 / 1.001),
+        (25 / 2, 6.25),
+        (25, 5),
+        (7.5, 7.5),
+        (6, 6),
+        (4, 4),
+    ],
+)
+def test_so_often_as_is_nearest_to_five_a_second(own_hz, searched_hz):
+    """Footage as it is tracked, also of NTSC; of two steps as near, the shorter one."""
+    time_s = 3.0 + np.arange(1201) / own_hz
+    kept, step = kept_moments(time_s, 0.2)
+    assert 1 / step == pytest.approx(searched_hz)
+    times = time_s if kept is None else time_s[kept]
+    np.testing.assert_allclose(np.diff(times), step)
+
+
 def test_a_single_moment_and_none():
     assert thinned(tracks_at({1: [3]}), 0.2)[1] == 0.2
     nobody, step = thinned(tracks_at({1: [3]}).select(np.zeros(1, bool)), 0.2)
@@ -88,7 +126,7 @@ def test_a_single_moment_and_none():
     st.sampled_from([1, 2, 3, 5]),
     st.floats(0.01, 1.0),
 )
-def test_moments_are_shared_and_no_closer_than_the_step(spans, every, step_s):
+def test_moments_are_shared_and_a_tick_each(spans, every, step_s):
     frames = {k: list(range(a - a % every, a + n * every, every)) for k, (a, n) in spans.items()}
     tracks = tracks_at(frames)
     found, step = thinned(tracks, step_s)
@@ -96,18 +134,29 @@ def test_moments_are_shared_and_no_closer_than_the_step(spans, every, step_s):
     # What is kept of one track is kept of all, and nothing else goes.
     assert found.time_s.tolist() == [t for t in tracks.time_s.tolist() if t in kept]
     own = float(np.median(np.diff(np.unique(tracks.time_s))))
-    assert step == pytest.approx(own * max(1, np.floor(step_s / own + 1e-6)))
+    many = round(step / own)
+    assert step == pytest.approx(many * own)
+    # No other number of moments is nearer.
+    assert all(abs(step - step_s) <= abs(k * own - step_s) + 1e-5 for k in range(1, many + 5))
     # One moment for each step of the clock: what counts steps never meets two at once.
-    ticks = np.rint(np.array(sorted(kept)) / step)
-    assert len(set(ticks.tolist())) == len(kept)
-    assert set(ticks.tolist()) == set(np.rint(tracks.time_s / step).tolist())
+    ticks = ticks_of(found.time_s, step)
+    _, first = np.unique(found.time_s, return_index=True)
+    assert len(set(ticks[first].tolist())) == len(kept)
+    assert set(ticks.tolist()) == set(ticks_of(tracks.time_s, step).tolist())
+
+
+def factors_at(calibration: Calibration, xy_m: np.ndarray) -> np.ndarray:
+    """Those of all places, asked for at once."""
+    factors = factors_of(calibration, xy_m)
+    assert factors is not None
+    return factors[np.arange(len(xy_m))]
 
 
 def test_the_factor_is_a_root_of_the_ground_covariance():
     calibration = known()
     uv = np.array([[100.0, 300.0], [500.0, 250.0], [320.0, 470.0]])
     xy = CAMERA.locate(uv)[0]
-    factor = camera_factor(calibration, xy)
+    factor = factors_at(calibration, xy)
     expected, _ = calibration.ground_covariance(uv, from_camera=True)
     np.testing.assert_allclose(factor @ np.swapaxes(factor, 1, 2), expected, rtol=1e-4, atol=1e-9)
 
@@ -117,7 +166,7 @@ def test_the_factor_says_how_far_pairs_come_apart():
     rng = np.random.default_rng(3)
     calibration = known(0.1 * SIGMA)
     uv = np.array([[100.0, 300.0], [500.0, 250.0]])
-    factor = camera_factor(calibration, CAMERA.locate(uv)[0])
+    factor = factors_at(calibration, CAMERA.locate(uv)[0])
     drawn = rng.multivariate_normal(np.zeros(5), calibration.covariance, 4000)
     apart = []
     for step in drawn:
@@ -130,11 +179,14 @@ def test_the_factor_says_how_far_pairs_come_apart():
 
 
 def test_a_camera_without_a_covariance_has_no_factor():
-    assert camera_factor(Calibration.of_camera(CAMERA), np.array([[0.0, 10.0]])) is None
+    somewhere = np.array([[0.0, 10.0]])
+    assert factors_of(Calibration.of_camera(CAMERA), somewhere) is None
+    assert factors_of(replace(known(), camera=None), somewhere) is None
+    assert stage_of(strewn(), Calibration.of_camera(CAMERA)).camera_factor is None
 
 
 def test_unknown_places_have_unknown_factors():
-    factor = camera_factor(known(), np.array([[0.0, 10.0], [np.nan, np.nan], [0.0, -50.0]]))
+    factor = factors_at(known(), np.array([[0.0, 10.0], [np.nan, np.nan], [0.0, -50.0]]))
     assert np.isfinite(factor[0]).all()
     assert np.isnan(factor[1:]).all()
 
@@ -153,7 +205,7 @@ def test_factors_that_wait_until_they_are_asked_for_are_those_of_all_rows(questi
     """In any order, some of them twice, in this question or one before."""
     tracks = strewn()
     factors = stage_of(tracks, known()).camera_factor
-    every = camera_factor(known(), tracks.xy_m)
+    every = factors_at(known(), tracks.xy_m)
     assert len(factors) == len(tracks)
     for rows in questions:
         at = np.array(rows, int)
@@ -162,19 +214,26 @@ def test_factors_that_wait_until_they_are_asked_for_are_those_of_all_rows(questi
 
 
 def test_factors_are_worked_out_once_and_for_those_asked_for(monkeypatch):
-    asked = []
+    asked, roots = [], []
+    original, eigh = Calibration.ground_jacobian, np.linalg.eigh
 
-    def counting(calibration, xy_m):
-        asked.append(len(xy_m))
-        return camera_factor(calibration, xy_m)
+    def counting(calibration, uv):
+        asked.append(len(uv))
+        return original(calibration, uv)
 
-    monkeypatch.setattr(staging, "camera_factor", counting)
+    def counting_roots(covariance):
+        roots.append(covariance)
+        return eigh(covariance)
+
+    monkeypatch.setattr(Calibration, "ground_jacobian", counting)
+    monkeypatch.setattr(np.linalg, "eigh", counting_roots)
     stage = stage_of(strewn(), known())
     assert asked == []
     stage.rows(np.array([4, 9, 4])).camera_factor  # noqa: B018
     stage.rows(np.array([9, 20])).camera_factor  # noqa: B018
     stage.rows(np.array([20, 4])).camera_factor  # noqa: B018
     assert asked == [2, 1]
+    assert len(roots) == 1
 
 
 def test_the_frame_at_a_moment_that_many_share_is_that_of_the_first_row():
@@ -201,47 +260,6 @@ def test_zones_and_lines_come_along():
     assert set(stage.zones) == {"door"}
     assert set(stage.lines) == {"gate"}
     assert stage.image_size == SIZE
-
-
-@pytest.fixture
-def scene(tmp_path, camera):
-    """Two runs of one camera: one after the other in one folder."""
-    out = tmp_path / "scene"
-    for name in ("first", "second"):
-        rows = [
-            f"{frame + 1},{track},{100 + 3 * frame},{150 + 40 * track},20,60,1,-1,-1,-1\n"
-            for frame in range(40)
-            for track in (1, 2)
-        ]
-        path = tmp_path / f"{name}.txt"
-        path.write_text("".join(rows))
-        track_scene(
-            None, out, TrackOptions(camera, annotations=path, name="cam", fps=10.0), Silent()
-        )
-    from scene4d.scene.query import Scene
-
-    return Scene.open(out)
-
-
-def test_runs_are_stages_of_their_own(scene):
-    found = list(stages(scene))
-    assert [one.run.run for one in found] == [run.run for run in scene.runs]
-    seen = [set(one.stage.tracks.track.tolist()) for one in found]
-    assert not seen[0] & seen[1]
-    assert set().union(*seen) == set(scene.tracks().track.tolist())
-    for one in found:
-        assert one.camera == "cam"
-        assert one.stage.step_s == pytest.approx(0.2)
-        assert one.stage.camera_factor is None
-        order = np.lexsort([one.stage.tracks.time_s, one.stage.tracks.track])
-        assert (order == np.arange(len(order))).all()
-
-
-def test_cameras_are_chosen(scene):
-    assert len(list(stages(scene, cameras=["cam"]))) == 2
-    assert list(stages(scene, cameras=[])) == []
-    with pytest.raises(InputError, match="'other'"):
-        list(stages(scene, cameras=["other"]))
 
 
 NEAR = Activity(

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from tests.predicates.predicate_stages import (
     STEP_S,
     Path,
+    View,
     body_boxes,
     random_view,
     rows_of,
@@ -94,7 +95,8 @@ def test_walking_away_or_towards_the_camera_is_no_stooping(seed, direction):
     assert stooping(rows_of(flat, 1))[near].max() < 0.06
 
 
-def test_a_metre_in_the_picture_of_a_level_camera_is_the_focal_length_over_the_distance():
+def test_a_metre_up_in_the_picture_of_a_level_camera_is_the_focal_length_over_the_distance():
+    """Up and down: a rolled camera sees a leaning line, whose box is lower."""
     camera = Camera.from_pose(
         image_size=(1280, 720), focal_px=900.0, tilt_rad=0.0, roll_rad=0.3, height_m=1.2
     )
@@ -104,7 +106,7 @@ def test_a_metre_in_the_picture_of_a_level_camera_is_the_focal_length_over_the_d
     places = np.vstack([np.column_stack([aside, distance]), [0.0, -5.0], [np.nan, np.nan]])
     stage = replace(stage_of(replace(path, xy_m=places)), camera=camera)
     found = stage.px_per_m(np.arange(5))
-    np.testing.assert_allclose(found[:3], 900.0 / distance, rtol=1e-9)
+    np.testing.assert_allclose(found[:3], 900.0 * np.cos(0.3) / distance, rtol=1e-9)
     assert np.isnan(found[3:]).all(), "behind the camera, and nowhere"
     np.testing.assert_array_equal(stage.px_per_m(np.array([2, 0, 2])), found[[2, 0, 2]])
     np.testing.assert_array_equal(replace(stage, camera=None).px_per_m(np.arange(5)), np.ones(5))
@@ -124,7 +126,7 @@ def test_what_counts_is_the_picture_that_the_lens_made():
     assert length / 1.70 < 0.98 * f / distance
 
 
-def test_cameras_from_above_see_a_share_of_a_height_within_two_hundredths():
+def test_cameras_from_above_see_a_share_of_a_height_within_three_hundredths():
     """A sinking head comes nearer to the ground and farther from the camera."""
     rng = np.random.default_rng(5)
     share = bending()
@@ -136,7 +138,28 @@ def test_cameras_from_above_see_a_share_of_a_height_within_two_hundredths():
         tall = (box[:, 3] - box[:, 1]) / stage.px_per_m(np.arange(len(box)))
         worst.append(np.abs(tall / np.sort(tall)[15] - share).max())
     assert np.median(worst) < 0.01
-    assert max(worst) < 0.025
+    assert max(worst) < 0.03
+
+
+@pytest.mark.parametrize("tilt_deg", [15.0, 30.0, 45.0, 55.0])
+def test_who_walks_upright_across_the_picture_does_not_stoop(tilt_deg):
+    """Away from the middle uprights lean, and a box does not: it is as high as they reach up."""
+    camera = Camera.from_pose(
+        image_size=(1920, 1080), focal_px=1000.0, tilt_rad=np.radians(tilt_deg), roll_rad=0.0,
+        height_m=6.0,
+    )  # fmt: skip
+    middle = 6.0 / np.tan(np.radians(tilt_deg))
+    view = View(camera, 0.0, np.array([0.0, middle]))
+    reach = 0.6 * 960 / 1000 * np.hypot(6.0, middle)
+    upright = walked((-reach, 0.0), (reach / 2, 0.0), np.ones(21))
+    stage = seen_stage(view, upright)
+    assert stooping(rows_of(stage, 1)).max() < 0.1
+
+
+@pytest.mark.parametrize("rows", [2, 3])
+def test_of_a_short_track_the_tallest_moment_is_standing(rows):
+    path = pictured(100.0 * np.linspace(1.0, 0.75, rows))
+    assert judged(path)[-1] > 0.9
 
 
 # What the number is

@@ -63,11 +63,20 @@ class Aligned:
         """Last position of all phases."""
         return max(last for _, last in self.whole)
 
-    def is_flank(self, first: int | None, last: int | None) -> bool:
-        """Whether a core begins at ``first`` or ends at ``last``, where better events were cut out
-        (None: none was).
+    def is_flank(
+        self, log_p: Float[np.ndarray, "k n"], first: int | None, last: int | None
+    ) -> bool:
+        """Whether this is the slope of a better event, cut out before ``first`` or behind ``last``
+        (None: none was): a core at the cut whose phase is the one on its other side, or is denied.
         """
-        return any(begin == first or end == last for begin, end in self.core)
+        phases = len(self.core)
+        for phase, (begin, end) in enumerate(self.core):
+            beyond = phase == phases - 1 if begin == first else phase == 0
+            if begin == first or end == last:
+                mean = float(log_p[phase, begin : end + 1].mean())
+                if beyond or mean < np.log(0.5):
+                    return True
+        return False
 
 
 @dataclass(eq=False)
@@ -115,8 +124,8 @@ def align(
 
     After the best alignment of a cast, what lies before it and what lies behind it are searched in
     the same way, until nothing of ``least_log_score`` is left; so a cast's events do not overlap.
-    An alignment with a core that ends where a better event was cut out is that event's flank, and
-    no other event.
+    An alignment at the edge of a better event may be that event's slope, and no other event
+    (:meth:`Aligned.is_flank`).
     """
     out: list[tuple[int, Aligned]] = []
     position = np.arange(len(moments.tick))
@@ -136,7 +145,8 @@ def align(
             begin, end = int(first[number]), int(ends[number])
             piece = position[begin:end]
             before, behind = cut[number]
-            if not found.is_flank(begin if before else None, end - 1 if behind else None):
+            cuts = begin if before else None, end - 1 if behind else None
+            if not found.is_flank(table.log_p, *cuts):
                 cast = int(np.searchsorted(moments.first, piece[0], side="right")) - 1
                 out.append((cast, _shifted(found, position)))
             pieces += [

@@ -1,6 +1,6 @@
 """One object under two numbers: tracks whose boxes coincide, or take up where another ended."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -10,7 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scene4d.activities.crowd import clock_of
 from scene4d.activities.meeting import meetings
 from scene4d.activities.ragged import runs
-from scene4d.predicates.rows import Stage
+from scene4d.predicates.rows import Factors, Stage
 
 SAME_BOX = 0.6
 """Overlap (intersection over union) of two boxes from which they are around one thing."""
@@ -18,6 +18,20 @@ SAME_SHARE = 0.7
 """Share of two tracks' common moments at which their boxes must be."""
 RESUMED_S = 1.0
 """Longest time after which a track may be taken up by another."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Some:
+    """Factors of some rows of others, asked for only when they are."""
+
+    of_all: Factors
+    rows: Int[np.ndarray, "n"]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, at: Int[np.ndarray, "m"]) -> Float[np.ndarray, "m 2 k"]:
+        return self.of_all[self.rows[at]]
 
 
 def unite_tracks(stage: Stage) -> Stage:
@@ -45,8 +59,8 @@ def unite_tracks(stage: Stage) -> Stage:
     order = np.lexsort((of, -length[of], tick, least[group][of]))
     order = order[runs(least[group][of][order], tick[order])]
     tracks = replace(stage.tracks.select(order), track=least[group][of][order])
-    factor = None if stage.camera_factor is None else stage.camera_factor[order]
-    return replace(stage, tracks=tracks, camera_factor=factor)
+    factors = None if stage.camera_factor is None else _Some(stage.camera_factor, order)
+    return replace(stage, tracks=tracks, camera_factor=factors)
 
 
 def _coinciding(stage: Stage) -> Int[np.ndarray, "p 2"]:

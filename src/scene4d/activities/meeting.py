@@ -23,6 +23,7 @@ MOST_SPREAD_M = 10.0
 """A box grows by no more: what stands so vaguely is near nothing in particular."""
 
 _STANDS_MPS = 0.5
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +34,7 @@ class Clock:
 
     @cached_property
     def tick(self) -> Int[np.ndarray, "n"]:
-        """Moment of each row, the nearest one. Raises :class:`InputError` where the rows are not
+        """Moment of each row (:func:`ticks_of`). Raises :class:`InputError` where the rows are not
         ordered by (track, time).
         """
         time_s = self.stage.tracks.time_s
@@ -47,8 +48,7 @@ class Clock:
                 f"stage: row {row} at {time_s[row]:.3f} s is not later than the row before it, of "
                 f"the same track {self.stage.tracks.track[row]}; expected the order (track, time)"
             )
-        tick: np.ndarray = np.rint(time_s / self.stage.step_s).astype(np.int64)
-        return tick
+        return ticks_of(time_s, self.stage.step_s)
 
     @cached_property
     def used(self) -> Bool[np.ndarray, "n"]:
@@ -79,6 +79,17 @@ class Clock:
         # A moment before the stage's first or behind its last would be another track's.
         inside = (tick >= self.tick.min()) & (tick <= self.tick.max())
         return np.where(inside & (self.key[row] == wanted), row, -1)
+
+
+def ticks_of(time_s: Float[np.ndarray, "n"], step_s: float) -> Int[np.ndarray, "n"]:
+    """Times as whole numbers of steps behind the first of them, the nearest ones.
+
+    Half a step counts as none, whichever way it was rounded: times a step apart are always a tick
+    apart.
+    """
+    if len(time_s) == 0:
+        return np.zeros(0, np.int64)
+    return np.ceil((time_s - time_s.min()) / step_s - (0.5 + _ROUNDING)).astype(np.int64)
 
 
 def meetings(

@@ -70,7 +70,8 @@ def align_related(
                 found.log_score,
                 found.stretched,
             )
-            if not moved.is_flank(low if before else None, high - 1 if behind else None):
+            cuts = low if before else None, high - 1 if behind else None
+            if not moved.is_flank(log_p, *cuts):
                 out.append((cast, moved))
             todo += [(low, moved.begin, before, True), (moved.end + 1, high, True, behind)]
     return out

@@ -1,6 +1,7 @@
 """Finding an activity in what a camera tracked."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,6 +27,14 @@ LEAST_SCORE = 0.001
 _MOMENTS = 400_000
 
 
+@dataclass(frozen=True)
+class Judged:
+    """``events`` of an activity, best first, and how many ``casts`` came close enough for one."""
+
+    events: list[Event]
+    casts: int
+
+
 def find(
     stage: Stage,
     activity: Activity,
@@ -33,7 +42,18 @@ def find(
     min_score: float = MIN_SCORE,
     predicates: Mapping[str, Predicate] = PREDICATES,
 ) -> list[Event]:
-    """Every event of the activity with at least ``min_score`` and :data:`LEAST_SCORE`, best first.
+    """The events of :func:`judge`, best first."""
+    return judge(stage, activity, min_score=min_score, predicates=predicates).events
+
+
+def judge(
+    stage: Stage,
+    activity: Activity,
+    *,
+    min_score: float = MIN_SCORE,
+    predicates: Mapping[str, Predicate] = PREDICATES,
+) -> Judged:
+    """Every event of the activity with at least ``min_score`` and :data:`LEAST_SCORE`.
 
     An event is the best alignment of the activity's phases for a cast of tracks
     (:mod:`compose`); of those of one doer that overlap in time only the best is an event. Where the
@@ -52,11 +72,12 @@ def find(
         evidence = gather(stage, activity, batch, predicates, least)
         for number, aligned in _align(evidence, activity, stage.step_s, least):
             found.append(found_event(stage, activity, evidence, number, aligned))
-    return one_per_occurrence(
+    events = one_per_occurrence(
         found,
         symmetric=is_symmetric(activity),
         crowd_m=crowd_reach_m(activity, predicates),
     )
+    return Judged(events, len(frames.first))
 
 
 def _align(

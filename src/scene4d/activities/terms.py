@@ -8,10 +8,10 @@ from collections.abc import Iterable, Mapping
 from scene4d.activities.definition import Term
 from scene4d.errors import InputError
 from scene4d.predicates.registry import Parameter, Predicate
+from scene4d.predicates.relation import SIDES
 
 LAG = "lag_s"
 """Parameter of any term: its last role is looked at so much earlier; infinite: any time before."""
-SIDES = ("front", "back", "left", "right")
 
 _NAME = r"[A-Za-z_][\w-]*"
 _TERM = re.compile(rf"\s*(not\s+)?({_NAME})\s*\(([^()]*)\)\s*$")
@@ -165,10 +165,11 @@ def _check_value(predicate: str, key: str, value: float | str, parameter: Parame
         raise InputError(f"{predicate}: no side {value!r}{nearest(str(value), SIDES)}")
     if isinstance(value, str):
         return
-    low = -math.inf if parameter.low is None else parameter.low
-    high = math.inf if parameter.high is None else parameter.high
-    if not low <= value <= high or math.isnan(value):
-        raise InputError(f"{predicate}: {key} must lie between {low:g} and {high:g}, found {value}")
+    if not parameter.low <= value <= parameter.high:
+        raise InputError(
+            f"{predicate}: {key} must lie between {parameter.low:g} and {parameter.high:g}, "
+            f"found {value}"
+        )
 
 
 def _number(value: float | str) -> str:

@@ -43,7 +43,12 @@ def search(
     ] = 10,
     min_score: Annotated[
         float,
-        typer.Option(metavar="P", min=0.0, max=1.0, help="Least probability of an event."),
+        typer.Option(
+            metavar="P",
+            min=0.0,
+            max=1.0,
+            help="Least probability of an event; less than 0.001 counts as 0.001.",
+        ),
     ] = 0.05,
     catalogue: Annotated[
         list[Path] | None,

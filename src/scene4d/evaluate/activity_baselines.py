@@ -21,8 +21,8 @@ SLOW_SIGMAS = 3.0
 def near_alone(activity: Activity) -> Activity | None:
     """The activity without any predicate but ``near``, in the phases that have it.
 
-    Their durations stay; the pause before a phase grows by what is left out between. None where
-    nothing is said of a distance.
+    They last as long as they like, and at least as long as they must; the pause before a phase
+    grows by what is left out between. None where nothing is said of a distance.
     """
     kept: list[Phase] = []
     gap_s = 0.0
@@ -30,7 +30,8 @@ def near_alone(activity: Activity) -> Activity | None:
         terms = tuple(t for t in phase.terms if t.predicate == NEAR and not t.negated)
         gap_s += phase.gap_s
         if terms:
-            kept.append(replace(phase, terms=terms, gap_s=gap_s if kept else 0.0))
+            gap_s = gap_s if kept else 0.0
+            kept.append(replace(phase, terms=terms, max_s=float("inf"), gap_s=gap_s))
             gap_s = 0.0
         else:
             gap_s += phase.max_s

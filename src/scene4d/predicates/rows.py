@@ -70,8 +70,8 @@ class Stage:
         return np.append(self.first_row[1:], len(self.tracks)) - 1
 
     def px_per_m(self, rows: Int[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
-        """Pixels that a metre of an upright person measures in the picture at the places of some
-        rows; 1 without a camera, NaN without a place in view.
+        """Pixels that a metre of an upright person measures up and down in the picture (as boxes
+        do), at the places of some rows; 1 without a camera, NaN without a place in view.
         """
         if self.camera is None:
             return np.ones(len(rows))
@@ -80,7 +80,7 @@ class Stage:
         for height_m in (0.0, PERSON_HEIGHT_M):
             uv, seen = self.camera.project(np.column_stack([xy, np.full(len(xy), height_m)]))
             ends.append(np.where(seen[:, None], self.camera.distort(uv), np.nan))
-        return np.asarray(np.linalg.norm(ends[1] - ends[0], axis=1) / PERSON_HEIGHT_M)
+        return np.asarray(np.abs(ends[1] - ends[0])[:, 1] / PERSON_HEIGHT_M)
 
     def rows(self, index: Int[np.ndarray, "m"]) -> "Rows":
         """These rows, in this order; one may come often."""

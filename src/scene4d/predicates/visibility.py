@@ -14,11 +14,11 @@ picture would have carried it half a second later (or earlier):
 - *leaving*, where it is asked what a went into: things at the picture's border are entered too. Who
   goes through the border moves outwards, by more than 0.15 ± 0.05 of the box's size in the half
   second; who does not is not explained by it;
-- *within*, where it is asked what a went into: the share of the last box that b's box covers,
+- *within*, where it is asked what a went into: the share of the last box that b's box covers then,
   ``Φ((share - 0.7) / 0.15)``. What is inside a thing is seen inside its outline, from anywhere.
 
 They rest on pixels alone, so on no calibration. Constants are rules of thumb, chosen beforehand;
-those of *within* on the MEVA cameras that the catalogue names.
+those of *leaving* and *within* with the MEVA cameras in view that the catalogue names.
 """
 
 from dataclasses import dataclass
@@ -34,6 +34,7 @@ from scene4d.predicates.turning import window
 END_SIGMA_S = 1.0
 LOOK_S = 0.5
 BORDER_SHARE, BORDER_SIGMA = 0.1, 0.05
+CUT_PX = 2.0
 LEAVING_SHARE, LEAVING_SIGMA = 0.15, 0.05
 COVERED_SHARE, COVERED_SIGMA = 0.5, 0.15
 BEFORE_SIGMA = 0.05
@@ -65,7 +66,7 @@ def disappears_into(a: Rows, b: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[
 
     A person who gets into a vehicle on its far side is covered by it, always, so that b's cover
     says nothing against it. That it was near on the ground, and stooped, are predicates of their
-    own. NaN where b's box is not known.
+    own. NaN where b was never seen.
     """
     return _end(a, b, True, sigma_s)
 
@@ -83,7 +84,8 @@ class _Ends:
     it most.
 
     ``free`` is by the border and the clip, ``still`` the same of what does not leave. ``whom`` is
-    the position of the hiding track in the stage, -1 for none.
+    the position of the hiding track in the stage, -1 for none. ``seen`` are the rows of the stage
+    that show a box.
     """
 
     time_s: Float[np.ndarray, "t"]
@@ -92,23 +94,28 @@ class _Ends:
     still: Float[np.ndarray, "t"]
     hidden: Float[np.ndarray, "t 2"]
     whom: Int[np.ndarray, "t 2"]
+    seen: Int[np.ndarray, "n"]
 
 
 _KEPT: "WeakKeyDictionary[Stage, dict[bool, _Ends]]" = WeakKeyDictionary()
 """Ends belong to the stage alone: they are judged once for all predicates that ask."""
 
 
-def _end(a: Rows, b: Rows | None, last: bool, sigma_s: float) -> np.ndarray:
-    kept = _KEPT.setdefault(a.stage, {})
+def _kept(stage: Stage, last: bool) -> _Ends:
+    kept = _KEPT.setdefault(stage, {})
     if last not in kept:
-        kept[last] = _ends(a.stage, last)
-    ends, track = kept[last], a.stage.track_of_row[a.index]
+        kept[last] = _ends(stage, last)
+    return kept[last]
+
+
+def _end(a: Rows, b: Rows | None, last: bool, sigma_s: float) -> np.ndarray:
+    ends, track = _kept(a.stage, last), a.stage.track_of_row[a.index]
     bump = np.exp(-(((a.time_s - ends.time_s[track]) / sigma_s) ** 2) / 2)
     if b is None:
         return np.asarray(bump * ends.free[track] * (1 - ends.hidden[track, 0]))
     other = b.stage.track_of_row[b.index]
     hidden = np.where(ends.whom[track, 0] == other, ends.hidden[track, 1], ends.hidden[track, 0])
-    share = _covered(ends.box_xyxy[track], b.box_xyxy)
+    share = _covered(ends.box_xyxy[track], _nearest_box(b.stage, other, ends.time_s[track]))
     within = ndtr((share - WITHIN_SHARE) / WITHIN_SIGMA)
     return np.asarray(bump * ends.still[track] * (1 - hidden) * within)
 
@@ -120,7 +127,7 @@ def _ends(stage: Stage, last: bool) -> _Ends:
     hidden, whom = np.zeros((count, 2)), np.full((count, 2), -1)
     seen = np.flatnonzero(tracks.observed & np.isfinite(tracks.box_xyxy).all(axis=1))
     if not len(seen):
-        return _Ends(time_s, box, free, still, hidden, whom)
+        return _Ends(time_s, box, free, still, hidden, whom, seen)
     owner = stage.track_of_row[seen]
     changes = owner[1:] != owner[:-1]
     row = seen[np.append(changes, True) if last else np.append(True, changes)]
@@ -135,7 +142,30 @@ def _ends(stage: Stage, last: bool) -> _Ends:
     clip = 1 - np.exp(-(((time_s[track] - everything) / CLIP_SIGMA_S) ** 2) / 2)
     free[track], still[track] = border * clip, (1 - (1 - border) * outwards) * clip
     _hide(stage, track, row, seen, (now, then), hidden, whom)
-    return _Ends(time_s, box, free, still, hidden, whom)
+    return _Ends(time_s, box, free, still, hidden, whom, seen)
+
+
+def _nearest_box(
+    stage: Stage, track: Int[np.ndarray, "m"], time_s: Float[np.ndarray, "m"]
+) -> Float[np.ndarray, "m 4"]:
+    """Boxes of tracks at the moments nearest to given ones at which they were seen; else NaN."""
+    seen = _kept(stage, True).seen
+    owner, time = stage.track_of_row[seen], stage.tracks.time_s[seen]
+    box = np.full((len(track), 4), np.nan)
+    if not len(seen):
+        return box
+    # One line of time on which the tracks lie far apart.
+    apart = 2 * float(np.ptp(stage.tracks.time_s)) + 1.0
+    start = stage.tracks.time_s.min()
+    wanted = np.nan_to_num(time_s - start) + track * apart
+    line = time - start + owner * apart
+    late = np.minimum(np.searchsorted(line, wanted), len(seen) - 1)
+    early = np.maximum(late - 1, 0)
+    nearer = np.abs(line[early] - wanted) < np.abs(line[late] - wanted)
+    row = np.where(nearer, early, late)
+    mine = np.flatnonzero(owner[row] == track)
+    box[mine] = stage.tracks.box_xyxy[seen[row[mine]]]
+    return box
 
 
 def _carried_on(stage: Stage, row: np.ndarray, last: bool) -> np.ndarray:
@@ -147,9 +177,14 @@ def _carried_on(stage: Stage, row: np.ndarray, last: bool) -> np.ndarray:
     before = tracks.box_xyxy[from_row]
     taken = np.abs(tracks.time_s[row] - tracks.time_s[from_row])
     now = tracks.box_xyxy[row]
+    way = now - before
+    corner = np.array(stage.image_size) - 1 - CUT_PX
+    # Where the border cuts a side, the opposite one tells the motion.
+    cut = np.hstack([now[:, :2] <= CUT_PX, now[:, 2:] >= corner])
+    weight = np.where(cut & ~cut[:, [2, 3, 0, 1]], 0.0, 1.0)
+    moved = weight * way + (weight * way)[:, [2, 3, 0, 1]]
     with np.errstate(divide="ignore", invalid="ignore"):
-        shift = (now + now[:, [2, 3, 0, 1]] - before - before[:, [2, 3, 0, 1]]) / 2
-        shift = shift * (LOOK_S / taken)[:, None]
+        shift = moved / (weight + weight[:, [2, 3, 0, 1]]) * (LOOK_S / taken)[:, None]
     return np.asarray(now + np.where(np.isfinite(shift), shift, 0.0))
 
 

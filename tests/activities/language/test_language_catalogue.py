@@ -157,6 +157,8 @@ def test_words_of_ones_own_catalogue_become_known():
     assert query.activity == activities["mine"]
     with pytest.raises(InputError, match="hydrangeas"):
         parsed("a man is watering hydrangeas")
+    beside = mine("person dances next to vehicle", roles=("person", "vehicle"))
+    assert parse_query("someone danced next to the vehicle", beside).activity == beside["mine"]
 
 
 @pytest.mark.parametrize(

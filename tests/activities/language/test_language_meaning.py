@@ -63,6 +63,15 @@ def test_the_golden_table():
         ("two people near each other", ["near(person, person_2)"]),
         ("two people face each other", ["facing(person, person_2)", "facing(person_2, person)"]),
         ("two people near a car", ["near(person, vehicle)", "near(person_2, vehicle)"]),
+        ("person next to vehicle", ["near(person, vehicle)"]),
+        ("person stands next to a car", ["stationary(person)", "near(person, vehicle)"]),
+        ("a man waits next to the car", ["stationary(person)", "near(person, vehicle)"]),
+        ("person walks next to a car", ["moving(person)", "near(person, vehicle)"]),
+        ("person crouches next to a car", ["stooping(person)", "near(person, vehicle)"]),
+        (
+            "two people stand next to each other for 10 seconds",
+            ["stationary(person)", "stationary(person_2)", "near(person, person_2)"],
+        ),
     ],
 )
 def test_states(said, terms):
@@ -132,6 +141,19 @@ def test_pauses(said, gap):
     query = parsed(f"person enters vehicle {said} the vehicle starts")
     assert [phase.gap_s for phase in query.activity.phases][2] == gap
     assert (gap == 60) == any("60 s later" in note for note in query.notes)
+
+
+def test_next_is_then_and_next_to_is_a_place():
+    then = parsed("person stands next near a car").activity
+    assert [phase.name for phase in then.phases] == ["stationary", "near"]
+    then = parsed("person enters vehicle and next it starts").activity
+    assert then.phases == parsed("person enters vehicle then it starts").activity.phases
+    both = parsed("person stands near a car and next to another car").activity
+    assert len(both.phases) == 1
+    for text in ("person stands next to a car", "two people stand next to each other"):
+        query = parsed(text)
+        assert len(query.activity.phases) == 1
+        assert not any("then" in note or "could be" in note for note in query.notes)
 
 
 def test_a_lasting_state_around_an_event_is_an_allen_relation():

@@ -69,6 +69,7 @@ class Lexicon:
     things: Mapping[str, tuple[str, ...]]
     verbs: Mapping[str, VerbSet]
     separable: tuple[str, ...]
+    bound: Mapping[str, str]
     sets: Mapping[str, tuple[str, ...]]
     adjectives: tuple[Adjective, ...]
     states: tuple[StateEntry, ...]
@@ -123,7 +124,7 @@ def read_lexicon() -> Lexicon:
         numbers=_by_factor(data["numbers"]),
         **{name: _tuples(data[name]) for name in ("pronouns", "articles", "things", "sets", "day")},
         assumed={name: float(value) for name, value in data["assumed"].items()},
-        **{name: data[name] for name in ("refused", "notes", "clock")},
+        **{name: data[name] for name in ("bound", "refused", "notes", "clock")},
     )
 
 

@@ -31,11 +31,11 @@ from scene4d.activities.language.sentences import (
     Span,
 )
 from scene4d.activities.language.words import refuse
+from scene4d.predicates.relation import SIDES
 
 T = TypeVar("T")
 _WEIGHED = (Clause, Done, Said, Chain, Joined, Sentence)
 """Of several readings of these the composer takes the one that makes sense."""
-SIDES = ("front", "back", "left", "right")
 _CLOCKS = ("between_clock", "after_clock", "before_clock", "at_clock")
 _TRANSPARENT = (
     "activity",

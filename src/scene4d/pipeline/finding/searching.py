@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from scene4d.activities.casting import cast
-from scene4d.activities.crowd import clock_of
 from scene4d.activities.events import Event
 from scene4d.activities.known import PREDICATES
-from scene4d.activities.search import MIN_SCORE, find
+from scene4d.activities.search import LEAST_SCORE, MIN_SCORE, judge
 from scene4d.activities.terms import places_of
 from scene4d.errors import InputError
 from scene4d.model import Calibration, Tracks
@@ -70,6 +68,11 @@ class Search:
     candidates: int = 0
     timings: dict[str, float] = field(default_factory=dict)
 
+    @property
+    def least_score(self) -> float:
+        """What an event must score: ``min_score``, and :data:`LEAST_SCORE` where that is less."""
+        return max(self.min_score, LEAST_SCORE)
+
     def to_dict(self) -> dict[str, Any]:
         """What ``--json`` prints."""
         return {
@@ -89,9 +92,9 @@ def search(
 ) -> Search:
     """Search all runs one after the other; memory holds one of them.
 
-    Events score at least ``min_score``; ``keep`` of them, the best, know what was around them.
-    Raises :class:`InputError` for a scene that cannot be read, and where no camera sees the places
-    that are asked for.
+    Events score at least ``min_score`` (and :data:`LEAST_SCORE`); ``keep`` of them, the best, know
+    what was around them. Raises :class:`InputError` for a scene that cannot be read, and where no
+    camera sees the places that are asked for.
     """
     done = Search(asked, min_score)
     runs = _runs(scene, asked)
@@ -145,10 +148,10 @@ def _search_run(done: Search, staged: Staged, run: Run, keep: int) -> None:
     activity, stage = done.asked.query.activity, staged.stage
     done.runs.append(run)
     done.rows += len(stage.tracks)
-    events = _in_window(done, run, find(stage, activity, min_score=done.min_score))
+    judged = judge(stage, activity, min_score=done.min_score)
+    events = _in_window(done, run, judged.events)
     if not events:
-        done.candidates += len(cast(clock_of(stage), activity, PREDICATES).first)
-        return
+        done.candidates += judged.casts
     for number, event in enumerate(events):
         begin, end = staged.frame_at(event.begin_s), staged.frame_at(event.end_s)
         around = _around(stage.tracks, event) if number < keep else None

@@ -47,7 +47,7 @@ def verdict(done: Search) -> str:
     what = {1: "track", 2: "pair"}.get(len(roles), "group")
     return (
         f"Nothing found in {where}: of {_count(done.candidates, f'candidate {what}')} "
-        f"({', '.join(roles)}) none scores {done.min_score:g} or more."
+        f"({', '.join(roles)}) none scores {done.least_score:g} or more."
     )
 
 

@@ -81,7 +81,7 @@ def _page(done: Search, scene: Scene, command: str | None, shown: int) -> Search
         ("Clips searched", f"{len(done.runs)} of {sum(run.rows > 0 for run in scene.runs)}"),
         ("Cameras", ", ".join(sorted({run.camera for run in done.runs})) or "none"),
         ("Rows searched", f"{done.rows:,}"),
-        ("Least probability", f"{done.min_score:g}"),
+        ("Least probability", f"{done.least_score:g}"),
         ("All events", EVENTS),
         ("scene4d", version("scene4d")),
     ]

@@ -1,5 +1,5 @@
 """``search``: from scenes to stages, which predicates look at."""
 
-from scene4d.pipeline.searching.staging import STEP_S, Staged, stage_of, stages
+from scene4d.pipeline.searching.staging import STEP_S, Staged, stage_of
 
-__all__ = ["STEP_S", "Staged", "stage_of", "stages"]
+__all__ = ["STEP_S", "Staged", "stage_of"]
