@@ -1,7 +1,7 @@
 # Each of these does all the set-up on a machine with python3 (venv, pip), make and apt:
 #   make demo    calibrate the sample video and say where the report lies
 #   make test    lint, types, layers and tests, as .ci/run does
-#   make bench   measure, and write docs/benchmarks.md (8 minutes)
+#   make bench   measure, and write docs/benchmarks.md (12 minutes)
 # Another Python: make test PYTHON=python3.12      Another place: make test VENV=/tmp/env
 
 PYTHON ?= python3
