@@ -97,6 +97,22 @@ def test_the_table_for_people_from_the_archive(run, meva, tmp_path):
     assert "annotated, not detected" in " ".join(result.stdout.split())
 
 
+def test_another_camera_may_be_reported(run, meva, tmp_path):
+    more = tmp_path / "more"
+    shutil.copytree(meva, more)
+    shutil.copy(more / "cameras" / "G506.krtd", more / "cameras" / "G419.krtd")
+    clip(more / "annotations", "G419")
+    result = run("evaluate", "meva", "--data", more, "--camera", "G419", "--json")
+    assert result.exit_code == 0, result.stderr
+    found = json.loads(result.stdout)
+    assert found["cameras"]["reported"] == ["G419"]
+    assert found["clips"] == 1
+    for camera, said in (("G341", "constants were chosen on it"), ("G999", "G999.krtd")):
+        result = run("evaluate", "meva", "--data", more, "--camera", camera)
+        assert result.exit_code == 1
+        assert said in result.stderr
+
+
 @pytest.mark.parametrize(
     ("remove", "said"),
     [

@@ -177,13 +177,26 @@ def custom(
 
 
 @guarded
-def meva(*, data: Data, out: Out = None, as_json: Json = False) -> None:
+def meva(
+    *,
+    data: Data,
+    camera: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Camera to be reported instead, with a file of its own; repeatable.",
+        ),
+    ] = None,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
     """Search for labelled activities on MEVA.
 
     DIR holds cameras/*.krtd and the annotations, as annotations.tar.xz or unpacked in annotations/.
     Every activity of the catalogue that MEVA labels is searched for in the annotated tracks of two
-    cameras, G328 and G506; constants were chosen on two others. Beside it stand two baselines: the
-    same activities on the picture instead of the ground, and the probability of being near alone.
+    cameras, G328 and G506; constants were chosen on G341 and G424, which must be there. Beside it
+    stand two baselines: the same activities on the picture instead of the ground, and the
+    probability of being near alone.
 
     [bold]Examples[/bold]
 
@@ -197,11 +210,11 @@ def meva(*, data: Data, out: Out = None, as_json: Json = False) -> None:
     from scene4d.cli.folder import output_folder
     from scene4d.cli.output import emit_json
     from scene4d.cli.progress import shown
-    from scene4d.pipeline.evaluating.meva import evaluate_meva
+    from scene4d.pipeline.evaluating.meva import REPORTED, evaluate_meva
     from scene4d.pipeline.evaluating.meva_files import write_activities
 
     with nullcontext() if out is None else output_folder(out), shown() as progress:
-        found = evaluate_meva(data, progress)
+        found = evaluate_meva(data, progress, cameras=camera or REPORTED)
         if out is not None:
             write_activities(found, out, command=command_line(), progress=progress)
     if as_json:

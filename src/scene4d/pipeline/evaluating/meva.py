@@ -34,7 +34,7 @@ from scene4d.predicates.rows import Stage
 TUNED = ("G341", "G424")
 """Cameras whose clips every constant was chosen on."""
 REPORTED = ("G328", "G506")
-"""Cameras that are reported, and that nothing was chosen on."""
+"""Cameras that are reported unless others are asked for, and that nothing was chosen on."""
 FPS = 30.0
 METRES_PER_PX = (0.005, 0.01, 0.02, 0.04)
 """What a pixel may be taken for where distances are counted in pixels."""
@@ -77,18 +77,26 @@ class Clip:
         return np.array(spans, float).reshape(-1, 2) / FPS
 
 
-def evaluate_meva(data: str | Path, progress: Progress) -> ActivityEvaluation:
-    """Every activity of the catalogue that MEVA labels, searched for on :data:`REPORTED`.
+def evaluate_meva(
+    data: str | Path, progress: Progress, *, cameras: Sequence[str] = REPORTED
+) -> ActivityEvaluation:
+    """Every activity of the catalogue that MEVA labels, searched for on some cameras.
 
     ``data`` holds ``cameras/*.krtd`` and the annotations, as ``annotations.tar.xz`` or unpacked in
-    ``annotations/``. Raises :class:`InputError` for what is missing and for files that cannot be
-    read.
+    ``annotations/``. Raises :class:`InputError` for what is missing, for files that cannot be read,
+    and for a camera that constants were chosen on.
     """
+    seen_before = sorted(set(cameras) & set(TUNED))
+    if seen_before:
+        raise InputError(
+            f"camera {', '.join(seen_before)}: constants were chosen on it, so that it proves "
+            f"nothing; report others, such as {' and '.join(REPORTED)}"
+        )
     timings: dict[str, float] = {}
     with timed(timings, "tracks"):
-        clips = meva_clips(data, (*TUNED, *REPORTED), progress)
+        clips = meva_clips(data, tuple(dict.fromkeys((*TUNED, *cameras))), progress)
     tuned = [clip for clip in clips if clip.camera in TUNED]
-    reported = [clip for clip in clips if clip.camera in REPORTED]
+    reported = [clip for clip in clips if clip.camera in cameras]
     return evaluated(reported, tuned, labelled_activities(), progress, timings)
 
 
@@ -271,8 +279,8 @@ _NOTES = (
     "MEVA boxes an object anew for each of its activities: tracks with the same boxes were made "
     "one. Even so the ends of a track lie where a label begins or ends, which helps.",
     "The annotations hold boxes alone, no keypoints: what needs the body's pose cannot be judged.",
-    f"Every constant was chosen on cameras {' and '.join(TUNED)}; cameras "
-    f"{' and '.join(REPORTED)} are reported. No camera has constants of its own.",
+    f"Every constant was chosen on cameras {' and '.join(TUNED)}; others are reported. No camera "
+    "has constants of its own.",
     "An event is correct where it overlaps a label of its activity by 1 s, or by half of a label "
     "that is shorter than 1 s; each is used once (NIST, ActEV SDL V2). Who took part is not "
     "compared.",
