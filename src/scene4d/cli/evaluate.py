@@ -184,7 +184,7 @@ def meva(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="Camera to be reported instead, with a file of its own; repeatable.",
+            help="Camera to be reported instead of G328 and G506; may be repeated.",
         ),
     ] = None,
     out: Out = None,
