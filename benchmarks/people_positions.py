@@ -220,6 +220,30 @@ def combined(found: Detections, truth: Truth, rcnn: Pair, camera: Camera) -> Non
     judged("hand-drawn boxes (circular)", own, truth)
 
 
+def disagreement(rcnn: Pair, camera: Camera) -> None:
+    """Where the two ends of boxes disagree: which is right, and what is said of it."""
+    boxes, truth = rcnn
+    seen, n = Seen.by(boxes, camera, BOX_SHARE), len(boxes)
+    upper = at_height(seen.above, seen.above_rays, np.full(n, 1.70), np.full(n, HEIGHT_SIGMA_M))
+    lower = on_the_ground(seen.below, seen.below_rays)
+    gap, total = upper.xy_m - lower.xy_m, upper.covariance_m2 + lower.covariance_m2
+    apart = np.sqrt(np.einsum("ni,nij,nj->n", gap, np.linalg.inv(total), gap))
+    located = locate_people(boxes, camera)
+    off = located.xy_m - truth.xy
+    squared = np.einsum("ni,nij,nj->n", off, np.linalg.inv(located.covariance_m2), off)
+    for low, high in ((0, 1), (1, 2), (2, 3), (3, 4), (4, np.inf)):
+        rows = (apart >= low) & (apart < high)
+        top, bottom, used = (
+            np.sqrt((way[rows] ** 2).sum(axis=1).mean())
+            for way in (upper.xy_m - truth.xy, lower.xy_m - truth.xy, off)
+        )
+        print(
+            f"ends {low} to {high} sigma apart, n {rows.sum():4}: error (rms) of the top "
+            f"{top:.2f} m, of the bottom {bottom:.2f} m, of what is used {used:.2f} m; inside the "
+            f"95 % ellipse {(squared[rows] < CHI2_95).mean():.1%}"
+        )
+
+
 def persistence(found: Detections, truth: Truth, camera: Camera) -> None:
     """How long errors last within a track: what a smoother may not average away."""
     error = outwards(camera, locate_people(found, camera).xy_m - truth.xy, truth.xy)
@@ -294,6 +318,8 @@ def main() -> None:
     sources(found, there, rcnn, camera)
     print()
     combined(found, there, rcnn, camera)
+    print()
+    disagreement(rcnn, camera)
     print()
     persistence(found, there, camera)
     heights(found, there, camera)
