@@ -76,10 +76,10 @@ $(RUNTIME): pyproject.toml constraints.txt
 	@$(INSTALL) --editable .
 	@touch $@
 
-# Order only: RUNTIME takes these stamps away when it makes the environment anew.
+# All stamps get one time: no group is older than RUNTIME, unless that was made anew.
 $(DEV): GROUP := dev
 $(BENCH): GROUP := bench
-$(DEV) $(BENCH): | $(RUNTIME)
+$(DEV) $(BENCH): $(RUNTIME)
 	@echo "adding the tools of the group $(GROUP) to $(VENV)"
 	@stamps=$$(ls $(RUNTIME) $(DEV) $(BENCH) 2>/dev/null); rm -f $$stamps; \
-	$(INSTALL) --group $(GROUP) && touch $$stamps $@
+	$(INSTALL) --group $(GROUP) && touch $@ && touch -r $@ $$stamps
