@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from scene4d.activities.definition import Activity, Phase
 from scene4d.errors import InputError
 from scene4d.predicates.rows import Stage
+from scene4d.predicates.turning import window
 
 NEAR = "near"
 WINDOW_S = 1.0
@@ -54,7 +55,7 @@ def in_pixels(stage: Stage, metres_per_px: float) -> Stage:
     box = tracks.box_xyxy
     xy = np.column_stack([(box[:, 0] + box[:, 2]) / 2, -box[:, 3]]) * metres_per_px
     variance = (NOISE_SHARE * metres_per_px * (box[:, 3] - box[:, 1])) ** 2
-    velocity, spread = _slopes(tracks.time_s, xy, stage.track_of_row)
+    velocity, spread = _slopes(stage, xy)
     own = variance[:, None, None] * np.eye(2)
     moved = replace(
         tracks,
@@ -69,22 +70,18 @@ def in_pixels(stage: Stage, metres_per_px: float) -> Stage:
 
 
 def _slopes(
-    time_s: Float[np.ndarray, "n"], xy: Float[np.ndarray, "n 2"], track: Int[np.ndarray, "n"]
+    stage: Stage, xy: Float[np.ndarray, "n 2"]
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"]]:
     """Slope of a straight line through the rows of the same track within half a window, and its
     variance for positions of variance 1; NaN where that is one row.
     """
-    # One axis for all tracks: they lie far from one another on it.
-    apart = float(np.ptp(time_s)) + 2 * WINDOW_S if len(time_s) else 1.0
-    axis = time_s - (time_s.min() if len(time_s) else 0.0) + track * apart
-    half = WINDOW_S / 2 + 1e-6
-    begin = np.searchsorted(axis, axis - half)
-    end = np.searchsorted(axis, axis + half, side="right")
+    early, late = window(stage, np.arange(len(xy)), WINDOW_S / 2)
+    begin, end = early, late + 1
+    origin = stage.first_row[stage.track_of_row]
+    time_s = stage.tracks.time_s
     seen = np.isfinite(xy).all(axis=1)
-    first = time_s[np.searchsorted(track, track)] if len(time_s) else time_s
-    origin = np.nan_to_num(xy[np.searchsorted(track, track)] if len(time_s) else xy)
-    t = np.where(seen, time_s - first, 0.0)
-    p = np.where(seen[:, None], xy - origin, 0.0)
+    t = np.where(seen, time_s - time_s[origin], 0.0)
+    p = np.where(seen[:, None], xy - np.nan_to_num(xy[origin]), 0.0)
 
     def total(values: np.ndarray) -> np.ndarray:
         sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])

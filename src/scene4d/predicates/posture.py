@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from scipy.special import ndtr
 
 from scene4d.predicates.rows import Rows, Stage
+from scene4d.predicates.visibility import CUT_PX
 
 STOOPING_SHARE = 0.9
 SOFTNESS = 0.05
@@ -16,8 +17,6 @@ EDGE_SHARE = 0.02
 """How far an edge of a box is off, as a share of the box."""
 EDGE_PX = 1.0
 """And at least by so many pixels."""
-BORDER_PX = 2.0
-"""A box that comes this near to the image's border may be cut by it."""
 STANDING = 0.75
 """Quantile of a track's heights that counts as its standing height: people stoop for a while."""
 
@@ -57,7 +56,7 @@ def _tracks_of(a: Rows) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"]]:
 
 def _heights_m(stage: Stage, rows: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
     box = stage.tracks.box_xyxy[rows]
-    whole = (box[:, 1] > BORDER_PX) & (box[:, 3] < stage.image_size[1] - 1 - BORDER_PX)
+    whole = (box[:, 1] > CUT_PX) & (box[:, 3] < stage.image_size[1] - 1 - CUT_PX)
     seen = stage.tracks.observed[rows] & whole
     height = np.where(seen, box[:, 3] - box[:, 1], np.nan)
     px_per_m = stage.px_per_m(rows)  # 0 of somebody who stands right below the camera

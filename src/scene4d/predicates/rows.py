@@ -69,6 +69,25 @@ class Stage:
         """Last row of each track."""
         return np.append(self.first_row[1:], len(self.tracks)) - 1
 
+    def on_line(
+        self, track: Int[np.ndarray, "m"], time_s: Float[np.ndarray, "m"]
+    ) -> Float[np.ndarray, "m"]:
+        """Times of tracks (positions in :attr:`first_row`) on one line, on which tracks follow one
+        another: what lies within the stage's span is ordered by (track, time), as rows are.
+        """
+        start, span_s = self._span_s
+        return (time_s - start) + track * (span_s + 1.0)
+
+    @cached_property
+    def line_s(self) -> Float[np.ndarray, "n"]:
+        """Every row's place on that line; ascending."""
+        return self.on_line(self.track_of_row, self.tracks.time_s)
+
+    @cached_property
+    def _span_s(self) -> tuple[float, float]:
+        time_s = self.tracks.time_s
+        return (float(time_s.min()), float(np.ptp(time_s))) if len(time_s) else (0.0, 0.0)
+
     def px_per_m(self, rows: Int[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
         """Pixels that a metre of an upright person measures up and down in the picture (as boxes
         do), at the places of some rows; 1 without a camera, NaN without a place in view.

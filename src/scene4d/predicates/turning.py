@@ -91,17 +91,11 @@ def window(
     stage: Stage, index: Int[np.ndarray, "m"], half_s: float
 ) -> tuple[Int[np.ndarray, "m"], Int[np.ndarray, "m"]]:
     """First and last row of the same track within ``half_s`` seconds of each row."""
-    time, track = stage.tracks.time_s, stage.track_of_row
-    if not len(time):
-        return index, index
-    start = time.min()
-    # One line of time on which the tracks lie far apart.
-    length = time.max() - start + 4 * half_s + 1.0
-    line = (time - start) + track * length
-    slack = 1e-6
-    early = np.searchsorted(line, line[index] - half_s - slack)
-    late = np.searchsorted(line, line[index] + half_s + slack, side="right") - 1
-    return early, late
+    line, track = stage.line_s, stage.track_of_row[index]
+    half = half_s + 1e-6  # times are sums of steps
+    early = np.searchsorted(line, line[index] - half)
+    late = np.searchsorted(line, line[index] + half, side="right") - 1
+    return np.maximum(early, stage.first_row[track]), np.minimum(late, stage.last_row[track])
 
 
 def reversing(

@@ -35,6 +35,7 @@ END_SIGMA_S = 1.0
 LOOK_S = 0.5
 BORDER_SHARE, BORDER_SIGMA = 0.1, 0.05
 CUT_PX = 2.0
+"""A box that comes this near to the picture's border may be cut by it."""
 LEAVING_SHARE, LEAVING_SIGMA = 0.15, 0.05
 COVERED_SHARE, COVERED_SIGMA = 0.5, 0.15
 BEFORE_SIGMA = 0.05
@@ -150,20 +151,15 @@ def _nearest_box(
 ) -> Float[np.ndarray, "m 4"]:
     """Boxes of tracks at the moments nearest to given ones at which they were seen; else NaN."""
     seen = _kept(stage, True).seen
-    owner, time = stage.track_of_row[seen], stage.tracks.time_s[seen]
     box = np.full((len(track), 4), np.nan)
     if not len(seen):
         return box
-    # One line of time on which the tracks lie far apart.
-    apart = 2 * float(np.ptp(stage.tracks.time_s)) + 1.0
-    start = stage.tracks.time_s.min()
-    wanted = np.nan_to_num(time_s - start) + track * apart
-    line = time - start + owner * apart
+    line, wanted = stage.line_s[seen], stage.on_line(track, np.nan_to_num(time_s))
     late = np.minimum(np.searchsorted(line, wanted), len(seen) - 1)
     early = np.maximum(late - 1, 0)
     nearer = np.abs(line[early] - wanted) < np.abs(line[late] - wanted)
     row = np.where(nearer, early, late)
-    mine = np.flatnonzero(owner[row] == track)
+    mine = np.flatnonzero(stage.track_of_row[seen[row]] == track)
     box[mine] = stage.tracks.box_xyxy[seen[row[mine]]]
     return box
 

@@ -52,7 +52,7 @@ def local_ground(name: str, published: Calibration, annotated: Sequence[Detectio
 
     camera = published.camera
     assert camera is not None
-    segments = person_segments(_people(annotated))
+    segments = person_segments(_thinned(annotated))
     found = solve_segments(
         segments,
         image_size=published.image_size,
@@ -72,11 +72,11 @@ def local_ground(name: str, published: Calibration, annotated: Sequence[Detectio
     return Ground(name, published, found)
 
 
-def _people(annotated: Sequence[Detections]) -> Detections:
-    """A sighting a second of everybody, with numbers of their own in every clip."""
+def _thinned(annotated: Sequence[Detections]) -> Detections:
+    """A sighting a second of everything, with numbers of its own in every clip."""
     parts, number = [], 0
     for one in annotated:
-        people = one.select((one.class_name == "person") & (one.frame % EVERY == 0))
-        parts.append(replace(people, track=people.track + number))
+        some = one.select(one.frame % EVERY == 0)
+        parts.append(replace(some, track=some.track + number))
         number += int(one.track.max(initial=0)) + 1
     return Detections.concatenate(parts)
