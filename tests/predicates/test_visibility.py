@@ -185,6 +185,18 @@ def test_where_b_is_hidden_for_a_while_the_nearest_box_counts(function):
         np.testing.assert_allclose(found, expected, atol=1e-9)
 
 
+@pytest.mark.parametrize(("begin_s", "end_s"), [(0.0, 1.0), (19.0, 20.0)])
+@pytest.mark.parametrize("function", [disappears_into, appears_from])
+def test_however_far_off_in_time_its_own_box_is_nearest(function, begin_s, end_s):
+    """Tracks before and behind b, which are seen all the time, are others."""
+    a = boxed(MIDDLE, 0.6, 19.4)
+    b = boxed(CAR, begin_s, end_s, name="car")
+    stage = stage_of(CLOCK, a, CLOCK, b, CLOCK)
+    rows = rows_of(stage, 2)
+    other = stage.rows(np.full(len(rows), rows_of(stage, 4).index[0]))
+    assert np.isfinite(function(rows, other)).all()
+
+
 @pytest.mark.parametrize("function", [disappears_into, appears_from])
 def test_without_any_box_of_b_nothing_is_known(function):
     stage = stage_of(boxed(MIDDLE), boxed(CAR, 4.0, 10.0, name="car"), CLOCK)

@@ -73,10 +73,11 @@ class Stage:
         self, track: Int[np.ndarray, "m"], time_s: Float[np.ndarray, "m"]
     ) -> Float[np.ndarray, "m"]:
         """Times of tracks (positions in :attr:`first_row`) on one line, on which tracks follow one
-        another: what lies within the stage's span is ordered by (track, time), as rows are.
+        another as rows do, so far apart that to a time within the stage's span a track's own rows
+        are nearer than any other's.
         """
         start, span_s = self._span_s
-        return (time_s - start) + track * (span_s + 1.0)
+        return (time_s - start) + track * (2 * span_s + 1.0)
 
     @cached_property
     def line_s(self) -> Float[np.ndarray, "n"]:
