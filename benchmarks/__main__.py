@@ -25,7 +25,7 @@ from benchmarks import (
     startup,
 )
 from benchmarks.tables import Rows, machine, markdown, put
-from scene4d.evaluate import pets
+from scene4d.evaluation import pets
 
 ROOT = Path(__file__).parents[1]
 SECTIONS = ("peers", "growth", "stages", "startup", "predicates", "search")

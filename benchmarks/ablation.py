@@ -20,14 +20,16 @@ from unittest import mock
 import numpy as np
 
 from scene4d.calibration import body, joint, person_segments, prior, refine, solve, solve_segments
-from scene4d.evaluate import Reference, correspondence_error, pets, spread_points, towncentre
+from scene4d.calibration.options import Options, Seen
+from scene4d.calibration.solving import POPULATION_SIGMA_M
+from scene4d.calibration.watching import watch
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera, Lens
+from scene4d.core.people import Detections, Segments
+from scene4d.core.progress import Silent
+from scene4d.evaluation import Reference, correspondence_error, pets, spread_points, towncentre
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
-from scene4d.model import Calibration, Camera, Detections, Lens, Segments
-from scene4d.pipeline import Options, Silent
-from scene4d.pipeline.options import Seen
-from scene4d.pipeline.solving import POPULATION_SIGMA_M
-from scene4d.pipeline.watching import watch
 from scene4d.video.frames import Frame, Source, Timeline
 from scene4d.video.reader import open_source
 

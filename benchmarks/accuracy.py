@@ -17,8 +17,9 @@ import av
 import numpy as np
 
 from scene4d import calibrate
-from scene4d.evaluate import PUBLISHED, Reference, near_figures, pets, towncentre
-from scene4d.model import Calibration, Orientation
+from scene4d.core.calibration import Calibration
+from scene4d.core.orientation import Orientation
+from scene4d.evaluation import PUBLISHED, Reference, near_figures, pets, towncentre
 from scene4d.video.reader import open_source
 from scene4d.video.undistort import Undistorter
 

@@ -9,8 +9,8 @@ from matplotlib.ticker import FuncFormatter
 from benchmarks.comparison import FAILED_M, Attempt, grouped, quantiles
 from benchmarks.growth import Curve
 from benchmarks.tables import IMAGES
-from scene4d.model import write_bytes
-from scene4d.report.style import FAINT, INK, INLIER, NORMAL, SMALL, TRACKS, figure, png
+from scene4d.core.files import write_bytes
+from scene4d.drawing.style import FAINT, INK, INLIER, NORMAL, SMALL, TRACKS, figure, png
 
 OWN = INLIER
 LOOKS = ((OWN, "*"), ("#0072B2", "s"), (FAINT, "v"), (TRACKS[0], "^"), (TRACKS[1], "D"),

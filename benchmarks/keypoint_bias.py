@@ -16,10 +16,11 @@ import cv2
 import numpy as np
 
 from scene4d.calibration import person_segments
+from scene4d.core.camera import Camera
+from scene4d.core.geometry import vertical_vanishing_point
+from scene4d.core.people import Detections, Segments
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
-from scene4d.geometry import vertical_vanishing_point
-from scene4d.model import Camera, Detections, Segments
 from scene4d.perception.people import PeopleDetector, detect_people
 from scene4d.video.frames import Frame
 from scene4d.video.reader import open_source

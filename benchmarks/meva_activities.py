@@ -14,10 +14,10 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
-from scene4d.evaluate.activity_evaluation import FALSE_PER_MINUTE
-from scene4d.evaluate.activity_scores import average_precision, det_curve
-from scene4d.pipeline import Silent
-from scene4d.pipeline.evaluating.meva import (
+from scene4d.core.progress import Silent
+from scene4d.evaluation.activity_evaluation import FALSE_PER_MINUTE
+from scene4d.evaluation.activity_scores import average_precision, det_curve
+from scene4d.evaluation.trials.meva import (
     METHODS,
     METRES_PER_PX,
     OURS,

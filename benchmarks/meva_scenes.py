@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.errors import Scene4DError
-from scene4d.pipeline import Silent
-from scene4d.pipeline.tracking import TrackOptions, track_scene
-from scene4d.scene.query import Scene
-from scene4d.scene.vehicles import stands
+from scene4d.core.errors import Scene4DError
+from scene4d.core.progress import Silent
+from scene4d.store.query import Scene
+from scene4d.tracking import TrackOptions, track_scene
+from scene4d.tracking.vehicles import stands
 
 ROOT = Path(__file__).parents[1]
 

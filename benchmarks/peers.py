@@ -17,8 +17,9 @@ from scipy.optimize import least_squares
 from benchmarks.scenes import FOOT_HEIGHT_M, PERSON_HEIGHT_M, SPREAD_M, Scene
 from scene4d import solve_camera
 from scene4d.calibration import solve_segments
-from scene4d.geometry import rotation_from_tilt_roll
-from scene4d.model import Camera, Lens, Segments
+from scene4d.core.camera import Camera, Lens
+from scene4d.core.geometry import rotation_from_tilt_roll
+from scene4d.core.people import Segments
 
 START_TILT_DEG, START_HEIGHT_M = 20.0, 5.0
 """The other values: a focal length of the image's width, no roll."""

@@ -18,19 +18,21 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from scene4d.core.camera import Camera
+from scene4d.core.people import Detections
+from scene4d.core.tracks import Located
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
-from scene4d.model import Camera, Detections, Located
 from scene4d.perception.people import PeopleDetector, detect_people
-from scene4d.scene.people import (
+from scene4d.tracking.people import (
     BODY_SIGMA_M,
     HEIGHT_SIGMA_M,
     explain_people,
     implied_height_m,
     locate_people,
 )
-from scene4d.scene.people_placing import Placed, Seen, at_height, on_the_ground
-from scene4d.scene.people_points import (
+from scene4d.tracking.people_placing import Placed, Seen, at_height, on_the_ground
+from scene4d.tracking.people_points import (
     BOTH_FEET,
     BOX_BOTTOM,
     BOX_SHARE,
@@ -40,7 +42,7 @@ from scene4d.scene.people_points import (
     ONE_FOOT,
     Ends,
 )
-from scene4d.scene.rays import Rays
+from scene4d.tracking.rays import Rays
 from scene4d.video.reader import open_source
 
 ROOT = Path(__file__).parents[1]

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.special import erf
 
 from benchmarks.tables import Rows, markdown
-from scene4d.predicates import NEAR_SIGMA_M, NEAR_TAU_M, near_pairs
+from scene4d.searching.predicates import NEAR_SIGMA_M, NEAR_TAU_M, near_pairs
 
 AREA_M = 80.0
 POSITION_SIGMA_M = 0.3

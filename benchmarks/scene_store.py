@@ -19,9 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.model import Tracks
-from scene4d.scene.query import Scene
-from scene4d.scene.store import SceneWriter
+from scene4d.core.tracks import Tracks
+from scene4d.store.query import Scene
+from scene4d.store.writing import SceneWriter
 
 OBJECTS, PER_SECOND, KEYPOINTS = 150, 10, 26
 START = datetime(2009, 6, 1, 8, tzinfo=UTC)

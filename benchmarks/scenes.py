@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from scene4d.evaluate import CorrespondenceError, Reference, correspondence_error, spread_points
-from scene4d.model import Calibration, Camera
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
+from scene4d.evaluation import CorrespondenceError, Reference, correspondence_error, spread_points
 
 PERSON_HEIGHT_M, SPREAD_M, FOOT_HEIGHT_M = 1.70, 0.09, 0.04
 NOISE_PX = 2.0

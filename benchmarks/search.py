@@ -24,8 +24,8 @@ import numpy as np
 from benchmarks import activities
 from benchmarks.growth import Curve
 from benchmarks.tables import Rows, markdown
-from scene4d.model import Tracks
-from scene4d.scene.store import SceneWriter
+from scene4d.core.tracks import Tracks
+from scene4d.store.writing import SceneWriter
 
 WORDS = "person enters vehicle"
 KEYPOINTS, CHUNK_S, SLICE = 26, 10.0, 100_000

@@ -21,23 +21,23 @@ from typing import Any  # noqa: E402
 
 IMPORTS = "start, import"
 STAGES = (
-    ("scene4d.pipeline.finding", "understand", "understand the words"),
-    ("scene4d.pipeline.finding.loading", "lean_tracks", "read"),
-    ("scene4d.pipeline.finding.searching", "staged_run", "read"),
-    ("scene4d.activities.search", "cast", "cast"),
-    ("scene4d.activities.search", "gather", "judge"),
-    ("scene4d.activities.search", "_align", "align"),
-    ("scene4d.activities.search", "found_event", "one event per occurrence"),
-    ("scene4d.activities.search", "one_per_occurrence", "one event per occurrence"),
+    ("scene4d.searching", "understand", "understand the words"),
+    ("scene4d.searching.loading", "lean_tracks", "read"),
+    ("scene4d.searching.finding", "staged_run", "read"),
+    ("scene4d.searching.activities.search", "cast", "cast"),
+    ("scene4d.searching.activities.search", "gather", "judge"),
+    ("scene4d.searching.activities.search", "_align", "align"),
+    ("scene4d.searching.activities.search", "found_event", "one event per occurrence"),
+    ("scene4d.searching.activities.search", "one_per_occurrence", "one event per occurrence"),
     ("scene4d.cli.search", "_show_understood", "print"),
     ("scene4d.cli.search", "_finish", "print"),
 )
 """Module, function, and what it is called here."""
 ALSO = (
     "duckdb",
-    "scene4d.scene.query",
-    "scene4d.activities.language",
-    "scene4d.report.search.why",
+    "scene4d.store.query",
+    "scene4d.searching.language",
+    "scene4d.searching.pages.why",
     "scene4d.cli.app",
     "scene4d.cli.folder",
     "scene4d.cli.output",

@@ -17,6 +17,10 @@ import av
 import numpy as np
 
 from benchmarks.tables import Rows
+from scene4d.calibration.calibrating import run
+from scene4d.calibration.options import Options, Run
+from scene4d.calibration.writing import write
+from scene4d.core.progress import Silent
 from scene4d.perception import people as people_module
 from scene4d.perception.detectors.tiles import INPUT_PX
 from scene4d.perception.detectors.yolox import YoloxDetector
@@ -25,7 +29,6 @@ from scene4d.perception.people import PeopleDetector
 from scene4d.perception.session import open_session
 from scene4d.perception.tracking import Tracker
 from scene4d.perception.weights import weight_path
-from scene4d.pipeline import Options, Run, Silent, run, write
 from scene4d.video import sampling
 from scene4d.video.background import Background
 from scene4d.video.motion import MotionMonitor

@@ -16,15 +16,20 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from scene4d.evaluate import pets
+from scene4d.calibration.calibrating import run
+from scene4d.calibration.options import Options
+from scene4d.calibration.writing import write
+from scene4d.core.camera import Camera
+from scene4d.core.geometry import rigid_fit
+from scene4d.core.people import Detections
+from scene4d.core.progress import Silent
+from scene4d.core.tracks import Tracks
+from scene4d.evaluation import pets
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import write_camera
-from scene4d.geometry import rigid_fit
-from scene4d.model import Camera, Detections, Tracks
-from scene4d.pipeline import Options, Silent, run, write
-from scene4d.pipeline.tracking import TrackOptions, track_scene
-from scene4d.scene.people import locate_people
-from scene4d.scene.query import Scene
+from scene4d.store.query import Scene
+from scene4d.tracking import TrackOptions, track_scene
+from scene4d.tracking.people import locate_people
 
 ROOT = Path(__file__).parents[1]
 BEGIN, END = "<!-- tracks: begin -->", "<!-- tracks: end -->"

@@ -18,13 +18,14 @@ from pathlib import Path
 
 import numpy as np
 
+from scene4d.core.camera import Camera
+from scene4d.core.people import Detections
+from scene4d.core.tracks import Located
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
-from scene4d.model import Camera, Detections
-from scene4d.model.tracks import Located
-from scene4d.scene.vehicle_fit import Bells, Boxes, fit
-from scene4d.scene.vehicle_shapes import CUBOID, SHAPES
-from scene4d.scene.vehicles import fit_parked, locate_vehicles, stands
+from scene4d.tracking.vehicle_fit import Bells, Boxes, fit
+from scene4d.tracking.vehicle_shapes import CUBOID, SHAPES
+from scene4d.tracking.vehicles import fit_parked, locate_vehicles, stands
 
 ROOT = Path(__file__).parents[1]
 NOISE_SHARE, NOISE_PX = 0.036, 1.4

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from scene4d.geometry import rotation_from_tilt_roll
+from scene4d.core.geometry import rotation_from_tilt_roll
 
 INK, X, Y, Z = "#333333", "#c0392b", "#1e8449", "#1f5fa8"
 

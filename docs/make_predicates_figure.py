@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from scene4d.model import HALPE26, Tracks
-from scene4d.predicates import Stage
-from scene4d.predicates.registry import PREDICATES
+from scene4d.core.people import HALPE26
+from scene4d.core.tracks import Tracks
+from scene4d.searching.predicates import Stage
+from scene4d.searching.predicates.registry import PREDICATES
 
 BLUE, RED, GREEN, ORANGE = "#1f5fa8", "#c0392b", "#1e8449", "#d68910"
 STEP_S = 0.2

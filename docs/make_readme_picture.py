@@ -7,9 +7,11 @@ from pathlib import Path
 
 import cv2
 
+from scene4d.calibration.calibrating import run
+from scene4d.calibration.options import Options
+from scene4d.core.progress import Silent
+from scene4d.drawing.overlay import draw_overlay
 from scene4d.perception.weights import cache_dir
-from scene4d.pipeline import Options, Silent, run
-from scene4d.report.overlay import draw_overlay
 from scene4d.video.sample import sample_video
 
 WIDTH = 1000

@@ -9,8 +9,8 @@ Runs scene4d's own perception on the sample video (fetched if VIDEO is not given
 import sys
 from pathlib import Path
 
+from scene4d.core.tables import write_people
 from scene4d.formats.demo import FILE_NAME, demo_columns
-from scene4d.formats.tables import write_people
 from scene4d.perception.people import detect_people
 from scene4d.perception.weights import cache_dir
 from scene4d.video.reader import open_source

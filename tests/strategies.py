@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from scene4d.model import Camera, Lens
+from scene4d.core.camera import Camera, Lens
 
 SIZES = ((640, 480), (768, 576), (1280, 720), (1920, 1080), (720, 576), (1080, 1080))
 TALLEST_M = 2.05

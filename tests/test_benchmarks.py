@@ -12,9 +12,10 @@ import pytest
 from benchmarks import comparison, peers, scenes, search, search_peers, search_stages
 from benchmarks.peers import Method
 
-from scene4d.model import Calibration, Camera
-from scene4d.pipeline import finding
-from scene4d.scene.query import Scene
+from scene4d import searching as finding
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
+from scene4d.store.query import Scene
 
 ROOT = Path(__file__).parents[1]
 

@@ -7,8 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scene4d.calibration.calibrating import run_detections
+from scene4d.calibration.options import Options
+from scene4d.calibration.writing import write
+from scene4d.core.progress import Silent
 from scene4d.formats.demo import demo_detections
-from scene4d.pipeline import Options, Silent, run_detections, write
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "ARCHITECTURE.md", ROOT / "CONTRIBUTING.md"]

@@ -39,9 +39,9 @@ def test_the_layers_hold(checkout):
     ("where", "line", "message"),
     [
         pytest.param(
-            "geometry/rotation.py",
-            "import scene4d.pipeline",
-            "scene4d.geometry.rotation -> scene4d.pipeline",
+            "core/geometry/rotation.py",
+            "import scene4d.calibration",
+            "scene4d.core.geometry.rotation -> scene4d.calibration",
             id="upward",
         ),
         pytest.param(

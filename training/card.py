@@ -13,13 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.perception.orientation import (
-    Belief,
-    OrientationNetwork,
-    PoseReader,
-    fused,
-    modal,
-)
+from scene4d.perception.orientation import Belief, OrientationNetwork, PoseReader, fused, modal
 from scene4d.perception.orientation.lines import line_log_likelihood
 from training.cases import (
     Case,

@@ -7,9 +7,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from scene4d.evaluate import pets, towncentre
+from scene4d.core.camera import Camera
+from scene4d.evaluation import pets, towncentre
 from scene4d.formats.cameras import read_camera
-from scene4d.model import Camera
 from scene4d.perception.orientation.grid import crop_size
 from scene4d.video.reader import open_source
 from training.panoramas import CROP_SIZE, Panorama, View, crop

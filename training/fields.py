@@ -12,15 +12,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import i0e
 
-from scene4d.geometry import rotation_from_tilt_roll
-from scene4d.perception.orientation.grid import (
-    ASPECT,
-    ROLL_RAD,
-    SHAPE,
-    TILT_RAD,
-    VFOV_RAD,
-    Belief,
-)
+from scene4d.core.geometry import rotation_from_tilt_roll
+from scene4d.perception.orientation.grid import ASPECT, ROLL_RAD, SHAPE, TILT_RAD, VFOV_RAD, Belief
 
 _LOG_SPREAD = (-5.0, 2.0)
 _OUTLIERS = 0.1

@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from scene4d.geometry import rotation_from_tilt_roll
+from scene4d.core.geometry import rotation_from_tilt_roll
 
 CROP_SIZE = (192, 144)
 """Width and height of what the network sees, pixels: 4:3."""

@@ -9,20 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from scene4d.calibration import solve_camera as solve_camera
+    from scene4d.calibration.calibrating import calibrate as calibrate
+    from scene4d.core.calibration import Calibration as Calibration
+    from scene4d.core.camera import Camera as Camera
+    from scene4d.core.camera import Lens as Lens
+    from scene4d.core.orientation import Orientation as Orientation
     from scene4d.formats.cameras import read_camera as read_camera
     from scene4d.formats.cameras import write_camera as write_camera
-    from scene4d.model import Calibration as Calibration
-    from scene4d.model import Camera as Camera
-    from scene4d.model import Lens as Lens
-    from scene4d.model import Orientation as Orientation
-    from scene4d.pipeline import calibrate as calibrate
 
 _WHERE = {
-    "Calibration": "scene4d.model",
-    "Camera": "scene4d.model",
-    "Lens": "scene4d.model",
-    "Orientation": "scene4d.model",
-    "calibrate": "scene4d.pipeline",
+    "Calibration": "scene4d.core.calibration",
+    "Camera": "scene4d.core.camera",
+    "Lens": "scene4d.core.camera",
+    "Orientation": "scene4d.core.orientation",
+    "calibrate": "scene4d.calibration.calibrating",
     "read_camera": "scene4d.formats.cameras",
     "solve_camera": "scene4d.calibration",
     "write_camera": "scene4d.formats.cameras",

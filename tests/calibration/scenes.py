@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from scene4d.calibration.body import Points
-from scene4d.model import Calibration, Camera
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
 from strategies import PeopleScene, build_camera, build_lens, people_scene
 
 FOOT_HEIGHT_M = 0.04

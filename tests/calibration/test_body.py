@@ -13,7 +13,7 @@ from scene4d.calibration.body import (
     undistort,
     up_vector,
 )
-from scene4d.model import Camera
+from scene4d.core.camera import Camera
 from strategies import build_camera, build_lens, ground_in_view
 
 SEED = st.integers(0, 2**32 - 1)

@@ -12,7 +12,7 @@ from scene4d.calibration.consensus import (
     ransac_consensus,
 )
 from scene4d.calibration.linear import height_system
-from scene4d.model import Camera
+from scene4d.core.camera import Camera
 from strategies import build_camera, build_lens, cameras_over_people, people_scene
 
 SEED = st.integers(0, 2**32 - 1)

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scene4d.calibration.linear import height_system, person_equations
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from strategies import build_camera, build_lens, cameras_over_people, people_scene
 
 SEED = st.integers(0, 2**32 - 1)

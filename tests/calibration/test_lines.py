@@ -11,7 +11,8 @@ from scene4d.calibration.lines import Lines, best_azimuths, directions, line_ter
 from scene4d.calibration.prior import Prior
 from scene4d.calibration.refine import Noise, Problem, State, linearise, minimise
 from scene4d.calibration.solve import solve_segments
-from scene4d.model import Camera, Segments
+from scene4d.core.camera import Camera
+from scene4d.core.people import Segments
 from strategies import build_camera, build_lens, ground_in_view
 
 SEED = st.integers(0, 2**32 - 1)

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from scene4d.calibration.body import FOCAL, ROLL, TILT
 from scene4d.calibration.prior import default_prior
-from scene4d.errors import InputError
-from scene4d.model import Orientation
+from scene4d.core.errors import InputError
+from scene4d.core.orientation import Orientation
 
 
 def told(correlation, focal_sigma=150.0, tilt_sigma=0.05):

@@ -7,8 +7,9 @@ from scenes import FOOT_HEIGHT_M, draw_scene
 from scene4d import solve_camera
 from scene4d.calibration.paper import solve_paper
 from scene4d.calibration.solve import solve_segments
-from scene4d.errors import InputError
-from scene4d.model import Orientation, Segments
+from scene4d.core.errors import InputError
+from scene4d.core.orientation import Orientation
+from scene4d.core.people import Segments
 
 
 def told(camera, *spread: float) -> Orientation:

@@ -12,9 +12,11 @@ import pytest
 from scenes import correspondence_error
 
 from scene4d.calibration import person_segments, solve_segments
+from scene4d.core.camera import Camera
+from scene4d.core.orientation import Orientation
+from scene4d.core.people import Detections
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
-from scene4d.model import Camera, Detections, Orientation
 
 pytestmark = pytest.mark.shared_data
 

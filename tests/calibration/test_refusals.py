@@ -7,8 +7,10 @@ from trials import solve_untyped
 
 from scene4d import solve_camera
 from scene4d.calibration.solve import solve_segments
-from scene4d.errors import InputError
-from scene4d.model import Camera, Orientation, Segments
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+from scene4d.core.orientation import Orientation
+from scene4d.core.people import Segments
 from strategies import build_camera, build_lens
 
 SIZE = (1280, 720)

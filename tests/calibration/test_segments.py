@@ -8,7 +8,7 @@ from scenes import draw_scene
 
 from scene4d.calibration import person_segments, solve_segments
 from scene4d.calibration.segments import MIN_KEYPOINT_SCORE, MIN_LENGTH_PX
-from scene4d.model import COCO17, HALPE26, Detections
+from scene4d.core.people import COCO17, HALPE26, Detections
 
 SIZE = (640, 480)
 FEET = [i for i, name in enumerate(HALPE26) if name.endswith(("toe", "heel"))]

@@ -10,7 +10,9 @@ from trials import trials
 import scene4d
 from scene4d import solve_camera
 from scene4d.calibration.solve import solve_segments
-from scene4d.model import Lens, Orientation, Segments
+from scene4d.core.camera import Lens
+from scene4d.core.orientation import Orientation
+from scene4d.core.people import Segments
 from strategies import build_camera, build_lens, people_scene
 
 # Median errors over the seeds: focal length (fraction), tilt (degrees), height (fraction), ground

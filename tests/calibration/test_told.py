@@ -6,8 +6,10 @@ from scenes import draw_scene
 
 from scene4d import solve_camera
 from scene4d.calibration.solve import solve_segments
-from scene4d.errors import InputError
-from scene4d.model import Lens, Orientation, Segments
+from scene4d.core.camera import Lens
+from scene4d.core.errors import InputError
+from scene4d.core.orientation import Orientation
+from scene4d.core.people import Segments
 from strategies import build_camera, build_lens, people_scene
 
 SIZE = (1920, 1080)

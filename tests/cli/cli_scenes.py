@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from scene4d.model import Camera
+from scene4d.core.camera import Camera
 
 PROGRAM = [sys.executable, "-c", "from scene4d.cli import main; main()"]
 SIZE = (1280, 720)

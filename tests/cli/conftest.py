@@ -12,8 +12,8 @@ from cli_scenes import PROGRAM, SIZE, mot_text, people
 from typer.testing import CliRunner, Result
 
 from scene4d.cli.app import app
-from scene4d.errors import UnavailableError
-from scene4d.model import Camera
+from scene4d.core.camera import Camera
+from scene4d.core.errors import UnavailableError
 from scene4d.perception.weights import weight_path
 
 
@@ -98,4 +98,4 @@ def pets_images(pets: Path) -> list[np.ndarray]:
 @pytest.fixture
 def plain_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports without figures, which take seconds, where they are not the matter."""
-    monkeypatch.setattr("scene4d.report.page._draw", lambda *_: {})
+    monkeypatch.setattr("scene4d.calibration.report.page._draw", lambda *_: {})

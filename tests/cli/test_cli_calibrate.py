@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from cli_scenes import SIZE
 
-from scene4d.errors import InputError
-from scene4d.formats.tables import read_table
-from scene4d.model import Camera
-from scene4d.pipeline import Options
+from scene4d.calibration.options import Options
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+from scene4d.core.tables import read_table
 
 FILES = {"camera.json", "report.html", "people.parquet", "figures"}
 
@@ -110,14 +110,14 @@ def test_a_lens_of_another_size_is_scaled(run, known, camera, tmp_path, plain_re
     assert json.loads(done.stdout)["focal_px"] == pytest.approx(camera.focal_px)
 
 
-def test_every_option_reaches_the_pipeline(run, tmp_path, monkeypatch):
+def test_every_option_reaches_the_room(run, tmp_path, monkeypatch):
     seen = []
 
     def remember(source, options, progress):
         seen.append((source, options))
         raise InputError("enough")
 
-    monkeypatch.setattr("scene4d.pipeline.run", remember)
+    monkeypatch.setattr("scene4d.calibration.calibrating.run", remember)
     out = ("--out", tmp_path / "o")
     assert run("calibrate", "v.mp4", *out).exit_code == 1
     given = (

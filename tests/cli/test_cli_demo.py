@@ -11,7 +11,7 @@ from defusedxml import ElementTree
 
 from scene4d.calibration import person_segments
 from scene4d.cli.demo import PUBLISHED
-from scene4d.errors import UnavailableError
+from scene4d.core.errors import UnavailableError
 from scene4d.formats.cameras import read_camera
 from scene4d.formats.demo import FILE_NAME, IMAGE_SIZE, demo_columns, demo_detections
 
@@ -51,7 +51,9 @@ def test_with_the_video_but_no_networks_the_report_shows_the_scene(
     (no_network / "samples").mkdir(parents=True)
     shutil.copy(pets, no_network / "samples" / "vtest.avi")
     shown = []
-    monkeypatch.setattr("scene4d.report.page._draw", lambda *a: shown.append(a[1]) or {})
+    monkeypatch.setattr(
+        "scene4d.calibration.report.page._draw", lambda *a: shown.append(a[1]) or {}
+    )
     done = run("demo", "--out", tmp_path / "out")
     assert done.exit_code == 0, done.stderr
     assert "networks could not be had" in " ".join(done.stdout.split())

@@ -63,7 +63,7 @@ def test_ctrl_c_while_the_report_is_drawn(run, known, tmp_path, monkeypatch):
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("scene4d.formats.tables.write_parquet", interrupted)
+    monkeypatch.setattr("scene4d.core.tables.write_parquet", interrupted)
     out = tmp_path / "out"
     done = run(*known, "--out", out)
     assert done.exit_code == 130
@@ -76,7 +76,7 @@ def test_a_defect_asks_to_be_reported(run, known, tmp_path, monkeypatch, debug):
     def broken(*_: object) -> None:
         raise KeyError("two\nlines")
 
-    monkeypatch.setattr("scene4d.pipeline.run", broken)
+    monkeypatch.setattr("scene4d.calibration.calibrating.run", broken)
     monkeypatch.setenv("SCENE4D_DEBUG", debug)
     done = run(*known, "--out", tmp_path / "out")
     assert done.exit_code == 1 and done.stdout == ""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cli_scenes import SIZE
 
-from scene4d.model import Camera
+from scene4d.core.camera import Camera
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scene4d.model import Camera
+from scene4d.core.camera import Camera
 
 CAMERAS = ("G328", "G341", "G424", "G506")
 CAMERA = Camera.from_pose(

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
+from scene4d.core.camera import Camera
 from scene4d.formats.cameras import camera_formats, read_camera
-from scene4d.model import Camera
 
 WRITTEN = [f.name for f in camera_formats() if f.write is not None]
 

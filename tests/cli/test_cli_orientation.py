@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from cli_scenes import SIZE, save_images
 
-from scene4d.model import Camera, Orientation
+from scene4d.core.camera import Camera
+from scene4d.core.orientation import Orientation
 from scene4d.perception.orientation import Belief, PoseReader
 
 SIGMA = {"tilt_deg": 3.0, "roll_deg": 1.5, "log_vfov": 0.1}

@@ -7,9 +7,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from tests.pipeline import finding_scenes as scenes
 
-from scene4d.activities.search import LEAST_SCORE
+import finding_scenes as scenes
+from scene4d.searching.activities.search import LEAST_SCORE
 
 DOCS = Path(__file__).parents[2] / "docs" / "search.md"
 LANGUAGE = DOCS.with_name("search-language.md")

@@ -7,11 +7,11 @@ import av
 import numpy as np
 import pytest
 
-from scene4d.evaluate import pets as pets_reference
+from scene4d.evaluation import pets as pets_reference
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import write_camera
-from scene4d.scene.people import locate_people
-from scene4d.scene.query import Scene
+from scene4d.store.query import Scene
+from scene4d.tracking.people import locate_people
 
 FRAMES = 40
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from scene4d.core.tracks import Tracks
 from scene4d.formats.scenes import GeoAnchor, SceneTable, write_scene
-from scene4d.model import Tracks
 
 GOLDEN = Path(__file__).parent / "golden_scenes"
 START = datetime(2018, 3, 7, 17, 5, 1, tzinfo=UTC)

@@ -8,13 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene4d.errors import InputError
-from scene4d.formats.activities import (
-    ActevInstance,
-    LabelledActivity,
-    actev_json,
-    read_activities,
-)
+from scene4d.core.errors import InputError
+from scene4d.formats.activities import ActevInstance, LabelledActivity, actev_json, read_activities
 
 LINE = (
     "- {'act': {'act2': {'person_enters_vehicle': 1.0}, 'actors': [{'id1': 6, 'timespan': "

@@ -7,10 +7,10 @@ import time
 import numpy as np
 import pytest
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.people import COCO17
 from scene4d.formats.annotations import annotation_formats, read_annotations
 from scene4d.formats.cameras import read_camera
-from scene4d.model import COCO17
 
 SIZE = (640, 480)
 

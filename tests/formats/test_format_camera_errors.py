@@ -2,7 +2,7 @@
 
 import pytest
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.formats.cameras import read_camera
 
 YAML = """%YAML:1.0

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from scene4d import geometry
-from scene4d.errors import InputError, OutputError
+from scene4d.core import geometry
+from scene4d.core.camera import Camera, Lens
+from scene4d.core.errors import InputError, OutputError
 from scene4d.formats.cameras import camera_formats, read_camera, read_lens, write_camera
-from scene4d.model import Camera, Lens
 
 WRITABLE = [f.name for f in camera_formats() if f.write]
 NO_DISTORTION = ("deepstream", "matrix")

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
 

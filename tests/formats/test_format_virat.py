@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.formats.annotations import read_annotations
 
 SIZE = (1920, 1080)

@@ -10,10 +10,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pyproj import Geod, Transformer
 
-from scene4d.errors import InputError, UnavailableError
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError, UnavailableError
 from scene4d.formats.cameras import read_camera
 from scene4d.formats.scenes import GeoAnchor
-from scene4d.model import Camera
 
 GEOD = Geod(ellps="WGS84")
 SQUARE = np.array([[0.0, 5.0], [30.0, 8.0], [-12.0, 40.0], [25.0, 60.0]])

@@ -7,10 +7,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene4d.errors import InputError
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+from scene4d.core.ground_map import GroundMap
 from scene4d.formats.cameras import write_camera
 from scene4d.formats.homographies import looks_like_homography, read_ground_map, read_reference
-from scene4d.model import Camera, GroundMap
 from strategies import build_camera, build_lens, cameras, lenses
 
 SIZE = (1920, 1080)

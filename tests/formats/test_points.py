@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.tables import write_people
 from scene4d.formats.points import read_points
-from scene4d.formats.tables import write_people
 
 SIZE = (640, 480)
 POINTS = np.array([[10.0, 20.5], [639.5, 479.5], [-0.5, -0.5], [320.0, 240.0]])

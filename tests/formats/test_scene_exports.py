@@ -22,10 +22,10 @@ from export_scenes import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.tracks import Tracks
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.scenes import write_scene
-from scene4d.model import Tracks
 
 
 def rows_of(path):

@@ -18,7 +18,7 @@ from export_scenes import (
     write_golden,
 )
 
-from scene4d.errors import InputError, OutputError, UnavailableError
+from scene4d.core.errors import InputError, OutputError, UnavailableError
 from scene4d.formats.scenes import SceneTable, scene_formats, write_scene
 
 NAMES = [f.name for f in scene_formats()]

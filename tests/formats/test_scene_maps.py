@@ -15,7 +15,7 @@ from export_scenes import (
     without_nowhere,
 )
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.formats.scenes import write_scene
 
 

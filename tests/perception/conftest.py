@@ -10,7 +10,7 @@ import defusedxml.ElementTree
 import numpy as np
 import pytest
 
-from scene4d.errors import UnavailableError
+from scene4d.core.errors import UnavailableError
 from scene4d.perception.detectors.yolov4 import Yolov4TinyDetector
 from scene4d.perception.detectors.yolox import YoloxDetector
 from scene4d.perception.keypoints import KeypointEstimator

@@ -8,7 +8,7 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from scene4d.errors import InputError, UnavailableError
+from scene4d.core.errors import InputError, UnavailableError
 from scene4d.perception.detectors import make_detector
 from scene4d.perception.detectors.maskrcnn import MaskRcnnDetector
 

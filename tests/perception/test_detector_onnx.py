@@ -7,7 +7,7 @@ import onnx
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.perception.detectors.base import require_bgr
 from scene4d.perception.detectors.onnx_yolox import OnnxYoloxDetector
 

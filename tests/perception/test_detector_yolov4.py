@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.perception.detectors.yolov4 import Yolov4TinyDetector
 
 PETS_VEHICLES = np.array([[651.9, 44.1, 723.2, 100.4], [734.7, 49.6, 767.5, 92.5]])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import supervision as sv
 
-from scene4d.errors import InputError, UnavailableError
+from scene4d.core.errors import InputError, UnavailableError
 from scene4d.perception import detectors
 from scene4d.perception.detectors.base import Detector
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.perception.orientation import Belief, crop_size, fused, modal
 from scene4d.perception.orientation.grid import ROLL_RAD, SHAPE, TILT_RAD, VFOV_RAD
 

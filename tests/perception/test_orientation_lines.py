@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.strategies import build_camera, build_lens, ground_in_view
 
-from scene4d.model import Camera
+from scene4d.core.camera import Camera
 from scene4d.perception.orientation.grid import ROLL_RAD, SHAPE, Belief
 from scene4d.perception.orientation.lines import (
     LONGEST,

@@ -6,7 +6,7 @@ import pytest
 from training.cases import Case, blurred, held_out, hopeless, real_cameras
 from training.panoramas import read_panoramas
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.perception.orientation import OrientationNetwork, PoseReader, fused
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from scene4d.model import Detections
+from scene4d.core.people import Detections
 from scene4d.perception.stationary import stationary
 
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.perception.detectors.tiles import choose_tiles, cut_by_tile, tile_grid
 
 sizes = st.tuples(st.integers(1, 4000), st.integers(1, 3000))

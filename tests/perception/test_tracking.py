@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.perception.appearance import colour_histograms
 from scene4d.perception.tracking import Tracker, clear_matches
 

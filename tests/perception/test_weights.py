@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from scene4d.errors import InputError, OutputError, UnavailableError
+from scene4d.core.errors import InputError, OutputError, UnavailableError
 from scene4d.perception import weights as store
 from scene4d.perception.sources import FileDownload, PyPIWheel, SourceFailedError, ZipDownload
 

@@ -27,7 +27,7 @@ from training.panoramas import (
 from training.samples import sample
 from training.streets import _Canvas, _paint_box, street_panorama
 
-from scene4d.model import Camera
+from scene4d.core.camera import Camera
 
 views = st.builds(
     View,

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from scene4d.errors import OutputError, UnavailableError
+from scene4d.core.errors import OutputError, UnavailableError
 from scene4d.video import sample
 from scene4d.video.sample import SampleSource, sample_video, video_from_deb
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.video import sampling, videofile
 from scene4d.video.frames import Timeline
 from scene4d.video.reader import open_source

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from scene4d.errors import InputError
-from scene4d.model import Lens
+from scene4d.core.camera import Lens
+from scene4d.core.errors import InputError
 from scene4d.video.undistort import Undistorter
 
 DISTORTION = np.array([-0.3, 0.1, 1e-3, -2e-3, 0.01])

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from scene4d.errors import InputError, UnavailableError
+from scene4d.core.errors import InputError, UnavailableError
 from scene4d.video import videofile
 from scene4d.video.reader import open_source
 from scene4d.video.stream import StreamSource, without_password

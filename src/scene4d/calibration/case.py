@@ -7,8 +7,11 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from scene4d.calibration.frame import ImageFrame
-from scene4d.errors import InputError
-from scene4d.model import Calibration, Lens, Orientation, Segments
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Lens
+from scene4d.core.errors import InputError
+from scene4d.core.orientation import Orientation
+from scene4d.core.people import Segments
 
 METHODS = ("joint", "paper")
 

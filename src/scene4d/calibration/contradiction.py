@@ -10,7 +10,8 @@ from scene4d.calibration.joint import solve
 from scene4d.calibration.prior import default_prior
 from scene4d.calibration.refine import Problem
 from scene4d.calibration.uncertainty import covariance
-from scene4d.model import Calibration, Orientation
+from scene4d.core.calibration import Calibration
+from scene4d.core.orientation import Orientation
 
 SIGMAS = 4.0
 """Farther apart than this many standard deviations, one of the two must be wrong."""

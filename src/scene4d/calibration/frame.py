@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from scene4d import geometry
 from scene4d.calibration.body import CORNER, FOCAL, HEIGHT, ROLL, TILT, Points
-from scene4d.model import Camera, Lens, Segments
+from scene4d.core import geometry
+from scene4d.core.camera import Camera, Lens
+from scene4d.core.people import Segments
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,10 @@ from scene4d.calibration.consensus import (
 )
 from scene4d.calibration.linear import height_system
 from scene4d.calibration.refine import HEIGHT_SIGMA_M
-from scene4d.errors import InputError
-from scene4d.geometry import locate, project, rotation_from_tilt_roll
-from scene4d.model import Calibration, Orientation
+from scene4d.core.calibration import Calibration
+from scene4d.core.errors import InputError
+from scene4d.core.geometry import locate, project, rotation_from_tilt_roll
+from scene4d.core.orientation import Orientation
 
 CONSENSUS = ("exact", "ransac")
 BOX_SIGMA = 0.04

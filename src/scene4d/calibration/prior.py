@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from scene4d.calibration.body import CORNER, FOCAL, N_PARAMETERS, ROLL, TILT
-from scene4d.model import Orientation
+from scene4d.core.orientation import Orientation
 
 # Weak on purpose: two standard deviations reach diagonal fields of view of 15 to 140 degrees,
 # cameras that look 15 degrees up or 65 down, and heights of 1 to 25 m.

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
-from scene4d.model import Detections, Segments
+from scene4d.core.people import Detections, Segments
 
 MIN_KEYPOINT_SCORE = 0.3
 """Feet, head and trunk must be seen at least this surely (truncated feet score about 0.1)."""

@@ -14,8 +14,11 @@ from scene4d.calibration.paper import CONSENSUS, paper_calibration
 from scene4d.calibration.prior import Prior, default_prior
 from scene4d.calibration.refine import Problem, State, linearise, spreads
 from scene4d.calibration.uncertainty import covariance
-from scene4d.errors import InputError
-from scene4d.model import PERSON_HEIGHT_M, Calibration, Lens, Orientation, Segments
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Lens
+from scene4d.core.errors import InputError
+from scene4d.core.orientation import Orientation
+from scene4d.core.people import PERSON_HEIGHT_M, Segments
 
 TRACK_CORRELATION = 0.12
 """Of one person's errors across the body in different places (gait, posture); PETS has 0.11

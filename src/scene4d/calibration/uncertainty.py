@@ -7,13 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.calibration.body import N_PARAMETERS, Points
-from scene4d.calibration.refine import (
-    Problem,
-    State,
-    linearise,
-    normal_equations,
-    observed_weights,
-)
+from scene4d.calibration.refine import Problem, State, linearise, normal_equations, observed_weights
 
 OUTLIER_LEAK = 0.03
 """Bias of length (and of length against distance) for a share 1 of shortened people: those cut by

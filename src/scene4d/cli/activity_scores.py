@@ -5,7 +5,7 @@ from pathlib import Path
 from rich.table import Table
 
 from scene4d.cli.output import screen
-from scene4d.evaluate.activity_evaluation import FALSE_PER_MINUTE, ActivityEvaluation
+from scene4d.evaluation.activity_evaluation import FALSE_PER_MINUTE, ActivityEvaluation
 
 
 def show_activities(found: ActivityEvaluation, out: Path | None) -> None:

@@ -168,10 +168,12 @@ def calibrate(
             "--method joint",
             param_hint="--orientation",
         )
+    from scene4d.calibration.calibrating import run
+    from scene4d.calibration.options import Options
+    from scene4d.calibration.writing import write
     from scene4d.cli.folder import output_folder
     from scene4d.cli.progress import shown
     from scene4d.cli.summary import finish
-    from scene4d.pipeline import Options, run, write
 
     options = Options(
         lens=lens,

@@ -8,12 +8,13 @@ import typer
 from scene4d.cli.arguments import Json
 from scene4d.cli.guard import guarded
 from scene4d.cli.output import emit, say
-from scene4d.errors import OutputError, UnavailableError
+from scene4d.core.errors import OutputError, UnavailableError
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from scene4d.pipeline import Progress, Run
+    from scene4d.calibration.options import Run
+    from scene4d.core.progress import Progress
 
 TITLE = "PETS 2009 S2.L1, View 001"
 PUBLISHED = "height 7.07 m, tilt 16.48°, roll -3.09°"
@@ -39,11 +40,11 @@ def demo(
       scene4d demo
       scene4d demo --out first --json
     """
+    from scene4d.calibration.writing import write
     from scene4d.cli.calibrate import command_line
     from scene4d.cli.folder import output_folder
     from scene4d.cli.progress import shown
     from scene4d.cli.summary import finish
-    from scene4d.pipeline import write
 
     with output_folder(out), shown() as progress:
         result, people = _calibrated(progress)
@@ -54,8 +55,10 @@ def demo(
 
 
 def _calibrated(progress: "Progress") -> "tuple[Run, str]":
+    from scene4d.calibration.calibrating import run
+    from scene4d.calibration.options import Options
+    from scene4d.calibration.watching import fetch_weights
     from scene4d.perception.weights import cache_dir
-    from scene4d.pipeline import Options, fetch_weights, run
     from scene4d.video.sample import sample_video
 
     video = None
@@ -69,8 +72,9 @@ def _calibrated(progress: "Progress") -> "tuple[Run, str]":
 
 
 def _from_embedded_people(video: Path | None, why: str, progress: "Progress") -> "Run":
+    from scene4d.calibration.calibrating import run_detections
+    from scene4d.calibration.options import Options
     from scene4d.formats.demo import demo_detections
-    from scene4d.pipeline import Options, run_detections
 
     missing = "sample video" if video is None else "networks"
     say(f"scene4d: {' '.join(why.split())}")

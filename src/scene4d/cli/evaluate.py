@@ -11,8 +11,8 @@ from scene4d.cli.guard import guarded
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from scene4d.evaluate import Evaluation
-    from scene4d.pipeline import Progress
+    from scene4d.core.progress import Progress
+    from scene4d.evaluation import Evaluation
 
 evaluate = typer.Typer(
     name="evaluate",
@@ -48,7 +48,7 @@ def pets(*, data: Data, out: Out = None, as_json: Json = False) -> None:
       scene4d evaluate pets --data data/pets2009
       scene4d evaluate pets --data data/pets2009 --out pets --json
     """
-    from scene4d.pipeline.evaluating import evaluate_pets
+    from scene4d.evaluation.trials import evaluate_pets
 
     _run(lambda progress: evaluate_pets(data, progress), out, as_json=as_json)
 
@@ -67,7 +67,7 @@ def towncentre(*, data: Data, out: Out = None, as_json: Json = False) -> None:
       scene4d evaluate towncentre --data data/towncentre
       scene4d evaluate towncentre --data data/towncentre --out towncentre
     """
-    from scene4d.pipeline.evaluating import evaluate_towncentre
+    from scene4d.evaluation.trials import evaluate_towncentre
 
     _run(lambda progress: evaluate_towncentre(data, progress), out, as_json=as_json)
 
@@ -106,7 +106,7 @@ def virat(
       scene4d evaluate virat --data VIRAT --clip VIRAT_S_000001
       scene4d evaluate virat --data VIRAT --image-size 1920x1080 --out virat
     """
-    from scene4d.pipeline.evaluating import evaluate_virat
+    from scene4d.evaluation.trials import evaluate_virat
 
     size = None if image_size is None else parse_image_size(image_size)
     _run(
@@ -166,7 +166,7 @@ def custom(
       scene4d evaluate custom --camera out/camera.json --reference img2world.txt \\
           --points out/people.parquet --out score
     """
-    from scene4d.pipeline.evaluating import evaluate_custom
+    from scene4d.evaluation.trials import evaluate_custom
 
     size = None if image_size is None else parse_image_size(image_size)
     _run(
@@ -210,8 +210,8 @@ def meva(
     from scene4d.cli.folder import output_folder
     from scene4d.cli.output import emit_json
     from scene4d.cli.progress import shown
-    from scene4d.pipeline.evaluating.meva import REPORTED, evaluate_meva
-    from scene4d.pipeline.evaluating.meva_files import write_activities
+    from scene4d.evaluation.trials.meva import REPORTED, evaluate_meva
+    from scene4d.evaluation.trials.meva_files import write_activities
 
     with nullcontext() if out is None else output_folder(out), shown() as progress:
         found = evaluate_meva(data, progress, cameras=camera or REPORTED)
@@ -232,7 +232,7 @@ def _run(work: "Callable[[Progress], Evaluation]", out: Path | None, *, as_json:
     from scene4d.cli.output import emit_json
     from scene4d.cli.progress import shown
     from scene4d.cli.scores import show_evaluation
-    from scene4d.pipeline.evaluating import write_evaluation
+    from scene4d.evaluation.trials import write_evaluation
 
     with nullcontext() if out is None else output_folder(out), shown() as progress:
         found = work(progress)

@@ -8,10 +8,10 @@ import typer
 from scene4d.cli.arguments import Json, parse_image_size
 from scene4d.cli.guard import guarded
 from scene4d.cli.output import emit, emit_json
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 
 if TYPE_CHECKING:
-    from scene4d.pipeline.exporting import GroundPoint
+    from scene4d.cli.exporting import GroundPoint
 
 
 def _writable() -> dict[str, str]:
@@ -87,7 +87,7 @@ def export(
     ROS camera_info holds the lens alone. DeepStream and the bare 3x4 matrix hold no distortion:
     they are for undistorted images.
     """
-    from scene4d.pipeline.exporting import is_scene
+    from scene4d.cli.exporting import is_scene
 
     if not what.exists():
         raise InputError(f"{what}: is not there; give a camera file or the folder of a scene")
@@ -99,7 +99,7 @@ def export(
 
 def parse_anchor(text: str) -> "GroundPoint":
     """``u,v,lat,lon`` as a point."""
-    from scene4d.pipeline.exporting import GroundPoint
+    from scene4d.cli.exporting import GroundPoint
 
     try:
         u, v, lat, lon = (float(word) for word in text.split(","))
@@ -114,8 +114,8 @@ def parse_anchor(text: str) -> "GroundPoint":
 def _export_scene(
     scene: Path, to: str, out: Path, run: str | None, anchor: list[str], *, as_json: bool
 ) -> None:
+    from scene4d.cli.exporting import export_scene
     from scene4d.formats.scenes import scene_formats
-    from scene4d.pipeline.exporting import export_scene
 
     known = {f.name: f.description for f in scene_formats()}
     if to not in known:
@@ -145,8 +145,8 @@ def _export_camera(
         raise typer.BadParameter(
             f"{to!r} is no format that is written; known: {', '.join(known)}", param_hint="--to"
         )
+    from scene4d.core.camera import Camera
     from scene4d.formats.cameras import read_camera, write_camera
-    from scene4d.model import Camera
 
     if out.exists() and camera.exists() and out.samefile(camera):
         raise InputError(f"{out}: is the camera that is read; give another --out")

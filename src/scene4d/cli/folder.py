@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from scene4d.errors import OutputError
-from scene4d.pipeline import ensure_folder
+from scene4d.core.errors import OutputError
+from scene4d.core.staging import ensure_folder
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from typing import ParamSpec, TypeVar
 import typer
 
 from scene4d.cli.output import say
-from scene4d.errors import Scene4DError
+from scene4d.core.errors import Scene4DError
 
 DEBUG_VARIABLE = "SCENE4D_DEBUG"
 COULD_NOT = 1

@@ -46,8 +46,8 @@ def models(
       SCENE4D_CACHE=/srv/scene4d scene4d models fetch --json
     """
     if action is Action.fetch:
+        from scene4d.calibration.watching import fetch_weights
         from scene4d.cli.progress import shown
-        from scene4d.pipeline import fetch_weights
 
         with shown() as progress:
             fetch_weights(progress, vehicles=True)

@@ -9,7 +9,7 @@ from scene4d.cli.arguments import Json
 from scene4d.cli.guard import guarded
 
 if TYPE_CHECKING:
-    from scene4d.pipeline import OrientationReading
+    from scene4d.calibration.orienting import OrientationReading
 
 _ROWS = (
     ("focal_px", "Focal length", "px", 0),
@@ -78,10 +78,11 @@ def orientation(
     """
     from contextlib import nullcontext
 
+    from scene4d.calibration.orienting import read_orientation
+    from scene4d.calibration.writing import write_orientation
     from scene4d.cli.folder import output_folder
     from scene4d.cli.output import emit_json, say
     from scene4d.cli.progress import shown
-    from scene4d.pipeline import read_orientation, write_orientation
 
     figure = None
     with nullcontext() if out is None else output_folder(out), shown() as progress:

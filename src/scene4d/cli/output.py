@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
-from scene4d.errors import OutputError
+from scene4d.core.errors import OutputError
 
 if TYPE_CHECKING:
     from rich.console import Console

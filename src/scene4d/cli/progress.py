@@ -17,7 +17,7 @@ from rich.progress import (
 from rich.progress import Progress as RichProgress
 
 from scene4d.cli.output import say
-from scene4d.pipeline import Advance, Progress
+from scene4d.core.progress import Advance, Progress
 
 SLOW_S = 2.0
 """A stage that takes longer is worth a line, and ..."""
@@ -56,7 +56,7 @@ class Bars:
 
     @contextmanager
     def stage(self, title: str, total: int | None) -> Iterator[Advance]:
-        """See :class:`scene4d.pipeline.Progress`."""
+        """See :class:`scene4d.calibration.Progress`."""
         task = self._bars.add_task(title, total=total)
         try:
             yield lambda steps: self._bars.advance(task, steps)
@@ -68,7 +68,7 @@ class Lines:
     """A line when a stage has taken two seconds, and every half minute, for pipes and log files."""
 
     def stage(self, title: str, total: int | None) -> AbstractContextManager[Advance]:
-        """See :class:`scene4d.pipeline.Progress`."""
+        """See :class:`scene4d.calibration.Progress`."""
         return _told_if_slow(title, total)
 
 

@@ -5,8 +5,8 @@ from pathlib import Path
 from rich.table import Table
 
 from scene4d.cli.output import screen
-from scene4d.evaluate import Evaluation, FewPeople, Outcome, Setting, near_figures
-from scene4d.model import PERSON_HEIGHT_M
+from scene4d.core.people import PERSON_HEIGHT_M
+from scene4d.evaluation import Evaluation, FewPeople, Outcome, Setting, near_figures
 
 CIRCULAR = "circular"
 

@@ -12,7 +12,7 @@ from scene4d.cli.guard import guarded
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from scene4d.pipeline.finding import Asked, FoundEvent, Search
+    from scene4d.searching import Asked, FoundEvent, Search
 
 _ASKED = "What is asked for"
 _RESULT = "What comes out"
@@ -121,10 +121,10 @@ def search(
         raise typer.BadParameter("is for the page of --out", param_hint="--footage")
     from contextlib import nullcontext
 
+    from scene4d import searching as finding
     from scene4d.cli.folder import output_folder
     from scene4d.cli.progress import shown
-    from scene4d.pipeline import finding
-    from scene4d.scene.query import Scene
+    from scene4d.store.query import Scene
 
     scene = Scene.open(*scenes)
     asked = finding.understand(scene, words, catalogues=catalogue or (), zones=zones)
@@ -139,11 +139,11 @@ def search(
             progress=progress,
         )
         if out is not None:
-            from scene4d.pipeline.finding.writing import write_search
+            from scene4d.searching.writing import write_search
 
             write_search(done, scene, out, progress, top=top, footage=footage, command=_command())
         if actev is not None:
-            from scene4d.pipeline.finding.actev import write_actev
+            from scene4d.searching.actev import write_actev
 
             write_actev(done, actev)
     _finish(done, top=top, out=out, actev=actev, as_json=as_json)
@@ -156,8 +156,8 @@ def _command() -> str:
 
 
 def _show_understood(asked: "Asked") -> None:
-    from scene4d.activities.language import explain
     from scene4d.cli.output import screen
+    from scene4d.searching.language import explain
 
     query = asked.query
     with screen() as console:
@@ -177,7 +177,7 @@ def _finish(
     if as_json:
         emit_json(done.to_dict())
         return
-    from scene4d.pipeline.finding.telling import verdict
+    from scene4d.searching.telling import verdict
 
     shown = done.events[:top]
     with screen() as console:
@@ -199,8 +199,8 @@ def _show_event(console: "Console", number: int, found: "FoundEvent") -> None:
     from rich.padding import Padding
     from rich.text import Text
 
-    from scene4d.pipeline.finding.telling import clip_name, when
-    from scene4d.report.search.why import why_groups
+    from scene4d.searching.pages.why import why_groups
+    from scene4d.searching.telling import clip_name, when
 
     roles = ", ".join(f"{role} {track}" for role, track in found.event.roles.items())
     console.print(

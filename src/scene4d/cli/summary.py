@@ -7,8 +7,8 @@ from rich.table import Table
 
 from scene4d.cli.guard import COULD_NOT
 from scene4d.cli.output import emit_json, say, screen
-from scene4d.model import Calibration
-from scene4d.report.words import parameter_rows, rounded_m
+from scene4d.core.calibration import Calibration
+from scene4d.drawing.words import parameter_rows, rounded_m
 
 PLAIN = str.maketrans({"\N{MINUS SIGN}": "-", "\N{NO-BREAK SPACE}": " ", "\u202f": " "})
 """What people copy from a terminal must be what programs read."""

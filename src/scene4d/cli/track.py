@@ -11,7 +11,7 @@ from scene4d.cli.arguments import Json, parse_person_height
 from scene4d.cli.guard import guarded
 
 if TYPE_CHECKING:
-    from scene4d.pipeline.tracking import TrackRun
+    from scene4d.tracking import TrackRun
 
 _WATCHING = "What is watched"
 _MEANING = "What it means"
@@ -146,7 +146,7 @@ def track(
         )
     height_m = None if person_height is None else parse_person_height(person_height)
     from scene4d.cli.progress import shown
-    from scene4d.pipeline.tracking import TrackOptions, track_scene
+    from scene4d.tracking import TrackOptions, track_scene
 
     options = TrackOptions(
         camera=camera,

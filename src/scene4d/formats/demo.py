@@ -8,8 +8,8 @@ from importlib.resources import as_file, files
 
 import numpy as np
 
-from scene4d.formats.tables import read_table
-from scene4d.model import Detections
+from scene4d.core.people import Detections
+from scene4d.core.tables import read_table
 
 IMAGE_SIZE = (768, 576)
 FILE_NAME = "demo_people.parquet"

@@ -20,10 +20,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.errors import InputError
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+from scene4d.core.ground_map import GroundMap
+from scene4d.core.text import floats, head_text, prefixed, read_text
 from scene4d.formats.cameras import camera_formats, read_camera
-from scene4d.formats.text import floats, head_text, prefixed, read_text
-from scene4d.model import Camera, GroundMap
 
 _SEPARATORS = re.compile(r"[\s,;]+")
 _NUMBERS = 9

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.tables import read_table
+from scene4d.core.text import head_text, prefixed, read_text
 from scene4d.formats.annotations import annotation_formats, read_annotations
 from scene4d.formats.annotations.boxes import numeric_table
-from scene4d.formats.tables import read_table
-from scene4d.formats.text import head_text, prefixed, read_text
 
 _SEPARATORS = re.compile(r"\s*[,;]\s*|\s+")
 _NEEDED = ("foot_u", "foot_v", "inlier")

@@ -9,7 +9,8 @@ import numpy as np
 import supervision as sv
 from jaxtyping import Float32
 
-from scene4d.model import CLASSES, VEHICLES, Detections
+from scene4d.core.people import Detections
+from scene4d.core.tracks import CLASSES, VEHICLES
 from scene4d.perception.appearance import colour_histograms
 from scene4d.perception.detectors.base import Detector
 from scene4d.perception.detectors.tiled import TiledDetector

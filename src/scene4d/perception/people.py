@@ -8,8 +8,8 @@ import numpy as np
 import supervision as sv
 from jaxtyping import Float, UInt8
 
-from scene4d.errors import InputError
-from scene4d.model import Detections
+from scene4d.core.errors import InputError
+from scene4d.core.people import Detections
 from scene4d.perception.appearance import colour_histograms
 from scene4d.perception.detectors.base import Detector
 from scene4d.perception.tracking import Tracker

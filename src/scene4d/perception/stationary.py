@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
-from scene4d.model import Detections
+from scene4d.core.people import Detections
 
 MIN_DURATION_S = 45.0
 """People who talk stand in one place for half a minute."""

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import linear_sum_assignment
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-from scene4d.errors import InputError, OutputError, UnavailableError
-from scene4d.model import write_bytes
+from scene4d.core.errors import InputError, OutputError, UnavailableError
+from scene4d.core.files import write_bytes
 from scene4d.perception.sources import (
     FileDownload,
     Progress,

@@ -7,7 +7,7 @@ import av
 import numpy as np
 from jaxtyping import UInt8
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 
 NOT_FOOTAGE = frozenset({"tty", "concat"})
 """FFmpeg "decodes" any text file as terminal output; concat lists open other files."""

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 
 
 @dataclass(frozen=True, eq=False)

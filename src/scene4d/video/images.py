@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.video.frames import Frame, Source, Timeline
 
 IMAGE_SUFFIXES = frozenset(

@@ -5,7 +5,7 @@ import os
 import re
 from pathlib import Path
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.video.frames import Frame, Source, Timeline
 from scene4d.video.images import IMAGE_SUFFIXES, ImageSource, natural_key
 

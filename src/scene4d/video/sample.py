@@ -20,8 +20,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
-from scene4d.errors import UnavailableError
-from scene4d.model import write_bytes
+from scene4d.core.errors import UnavailableError
+from scene4d.core.files import write_bytes
 
 FILE_NAME = "vtest.avi"
 SHA256 = "45cddc9490be69345cbdab64ca583be65987e864ca408038e648db99e10516cf"

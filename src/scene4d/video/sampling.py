@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float, Int
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.video.frames import Frame, Source, Timeline
 
 DEFAULT_FRAMES = (100, 200)

@@ -6,7 +6,7 @@ from typing import Any
 
 import av
 
-from scene4d.errors import InputError, UnavailableError
+from scene4d.core.errors import InputError, UnavailableError
 from scene4d.video.decoding import decode, packets, pixel_notes, upright_bgr, video_stream
 from scene4d.video.frames import Frame, Source
 

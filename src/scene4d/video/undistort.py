@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from scene4d.errors import InputError
-from scene4d.model import Lens
+from scene4d.core.camera import Lens
+from scene4d.core.errors import InputError
 
 
 class Undistorter:

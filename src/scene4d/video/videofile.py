@@ -8,7 +8,7 @@ from typing import Any
 import av
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.video.decoding import decode, packets, pixel_notes, upright_bgr, video_stream
 from scene4d.video.frames import Frame, Source, Timeline
 from scene4d.video.timeline import read_packet_table

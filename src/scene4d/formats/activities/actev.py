@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 
 _FILE = re.compile(r"[A-Za-z0-9_\-.]+")
 

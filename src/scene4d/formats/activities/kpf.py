@@ -12,8 +12,8 @@ from typing import Any
 
 import yaml
 
-from scene4d.errors import InputError
-from scene4d.formats.text import prefixed, read_text
+from scene4d.core.errors import InputError
+from scene4d.core.text import prefixed, read_text
 
 
 @dataclass(frozen=True)

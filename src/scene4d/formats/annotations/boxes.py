@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from scene4d.errors import InputError
-from scene4d.model import Detections
+from scene4d.core.errors import InputError
+from scene4d.core.people import Detections
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.people import COCO17, HALPE26, Detections
+from scene4d.core.text import floats, read_text
 from scene4d.formats.annotations.boxes import Rows
 from scene4d.formats.annotations.contract import AnnotationFormat
-from scene4d.formats.text import floats, read_text
-from scene4d.model import COCO17, HALPE26, Detections
 
 _DIGITS = re.compile(r"(\d{1,15})\D*$")
 _LARGEST = 2**53

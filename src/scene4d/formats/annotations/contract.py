@@ -14,7 +14,7 @@ class AnnotationFormat:
     ``sniff(path, head)`` says whether the file looks like this format (``head`` is its
     beginning). ``read(path, image_size)`` returns every box of the file in pixels of the footage,
     checked by :func:`~scene4d.formats.annotations.boxes.first_fault`, with unknown times. Readers
-    raise :class:`~scene4d.errors.InputError` naming the line; the registry adds the file.
+    raise :class:`~scene4d.core.errors.InputError` naming the line; the registry adds the file.
     """
 
     name: str

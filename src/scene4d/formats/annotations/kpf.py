@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.people import Detections
+from scene4d.core.text import read_text
 from scene4d.formats.annotations.boxes import Rows
 from scene4d.formats.annotations.contract import AnnotationFormat
-from scene4d.formats.text import read_text
-from scene4d.model import Detections
 
 _PACKET = re.compile(r"""^\s*-\s*\{\s*['"]?(\w+)['"]?\s*:""")
 _TRACK = re.compile(r"""\bid1['"]?\s*:\s*['"]?(\d{1,18})\b""")

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.people import Detections
+from scene4d.core.text import read_text
 from scene4d.formats.annotations.boxes import Rows, numeric_table, whole
 from scene4d.formats.annotations.contract import AnnotationFormat
-from scene4d.formats.text import read_text
-from scene4d.model import Detections
 
 # Milan et al. (2016), MOT16, table of classes; the first ones under the names of COCO.
 CLASSES = (

@@ -9,11 +9,11 @@ import defusedxml.sax
 import numpy as np
 from defusedxml.common import DefusedXmlException
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.people import Detections
+from scene4d.core.text import read_text
 from scene4d.formats.annotations.boxes import Rows
 from scene4d.formats.annotations.contract import AnnotationFormat
-from scene4d.formats.text import read_text
-from scene4d.model import Detections
 
 _BOX = ("xc", "yc", "w", "h")
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.people import Detections
+from scene4d.core.text import head_text, prefixed
 from scene4d.formats.annotations import coco, kpf, mot, pets, towncentre, virat
 from scene4d.formats.annotations.boxes import first_fault
 from scene4d.formats.annotations.contract import AnnotationFormat
-from scene4d.formats.text import head_text, prefixed
-from scene4d.model import Detections
 
 # The first whose sniff agrees reads the file, so the specific stand before the general.
 FORMATS: tuple[AnnotationFormat, ...] = (

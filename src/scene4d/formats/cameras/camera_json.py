@@ -3,9 +3,9 @@
 import json
 from pathlib import Path
 
-from scene4d.errors import InputError
+from scene4d.core.camera import SCHEMA, Camera
+from scene4d.core.errors import InputError
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
-from scene4d.model import SCHEMA, Camera
 
 
 def _sniff(path: Path, head: str) -> bool:

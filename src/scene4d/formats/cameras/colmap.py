@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d import geometry
-from scene4d.errors import InputError
+from scene4d.core import geometry
+from scene4d.core.camera import Camera, Lens
+from scene4d.core.errors import InputError
+from scene4d.core.text import decimal, floats, read_text
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
 from scene4d.formats.cameras.pinhole import five_coefficients
-from scene4d.formats.text import decimal, floats, read_text
-from scene4d.model import Camera, Lens
 
 # Of each model the positions of fx, fy, cx, cy among its parameters, and how many it has; what
 # follows cy are distortion coefficients in OpenCV's order. After COLMAP's documentation of models.

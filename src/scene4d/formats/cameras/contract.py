@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from scene4d.model import Camera, Lens
+from scene4d.core.camera import Camera, Lens
 
 ImageSize = tuple[int, int]
 
@@ -18,7 +18,7 @@ class CameraFormat:
     ``image_size`` only serves formats that carry none. ``read_lens`` replaces ``read`` where
     intrinsics alone can be had from files that ``read`` must refuse. ``write`` returns the text
     of the file, or name → text for formats that are a folder. Readers raise
-    :class:`~scene4d.errors.InputError` naming line or field; the registry adds the file.
+    :class:`~scene4d.core.errors.InputError` naming line or field; the registry adds the file.
     """
 
     name: str

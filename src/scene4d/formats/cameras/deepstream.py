@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+from scene4d.core.text import decimal, floats, read_text
 from scene4d.formats.cameras import fields
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
 from scene4d.formats.cameras.pinhole import decompose, require_z_up, size_for
-from scene4d.formats.text import decimal, floats, read_text
-from scene4d.model import Camera
 
 _CENTRED, _CORNER = "projectionMatrix_3x4", "projectionMatrix_3x4_w2p"
 PERSON_HEIGHT_M, PERSON_RADIUS_M = 1.70, 0.25

@@ -7,8 +7,8 @@ import numpy as np
 import yaml
 from jaxtyping import Float
 
-from scene4d.errors import InputError
-from scene4d.formats.text import floats
+from scene4d.core.errors import InputError
+from scene4d.core.text import floats
 
 
 class _Loader(yaml.SafeLoader):

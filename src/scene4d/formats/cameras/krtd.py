@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+from scene4d.core.text import decimal, floats, read_text
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
 from scene4d.formats.cameras.fields import intrinsic_matrix
 from scene4d.formats.cameras.pinhole import five_coefficients, size_for
-from scene4d.formats.text import decimal, floats, read_text
-from scene4d.model import Camera
 
 
 def _rows(text: str) -> list[tuple[int, list[str]]]:

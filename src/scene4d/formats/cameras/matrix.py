@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+from scene4d.core.text import decimal, floats, read_text
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
 from scene4d.formats.cameras.pinhole import camera_from_projection
-from scene4d.formats.text import decimal, floats, read_text
-from scene4d.model import Camera
 
 _SEPARATORS = re.compile(r"[\s,;]+")
 

@@ -15,13 +15,13 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from scene4d import geometry
-from scene4d.errors import InputError
+from scene4d.core import geometry
+from scene4d.core.camera import Camera, Lens
+from scene4d.core.errors import InputError
+from scene4d.core.text import parse_xml, read_text
 from scene4d.formats.cameras import fields
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
 from scene4d.formats.cameras.pinhole import five_coefficients, size_for
-from scene4d.formats.text import parse_xml, read_text
-from scene4d.model import Camera, Lens
 
 _MATRIX = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K")
 _DISTORTION = (

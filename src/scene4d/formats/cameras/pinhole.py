@@ -3,9 +3,9 @@
 import numpy as np
 from jaxtyping import Float
 
-from scene4d import geometry
-from scene4d.errors import InputError
-from scene4d.model import Camera
+from scene4d.core import geometry
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
 
 ImageSize = tuple[int, int]
 

@@ -4,7 +4,11 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from scene4d.errors import InputError, OutputError
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera, Lens
+from scene4d.core.errors import InputError, OutputError
+from scene4d.core.files import read_json, write_bytes
+from scene4d.core.text import head_text, prefixed
 from scene4d.formats.cameras import (
     camera_json,
     colmap,
@@ -17,8 +21,6 @@ from scene4d.formats.cameras import (
     tsai,
 )
 from scene4d.formats.cameras.contract import CameraFormat
-from scene4d.formats.text import head_text, prefixed
-from scene4d.model import Calibration, Camera, Lens, read_json, write_bytes
 
 # The first whose sniff agrees reads the file, so the specific stand before the general.
 FORMATS: tuple[CameraFormat, ...] = (

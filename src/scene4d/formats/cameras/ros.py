@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.camera import Camera, Lens
+from scene4d.core.errors import InputError
+from scene4d.core.text import decimal, read_text
 from scene4d.formats.cameras import fields
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
 from scene4d.formats.cameras.pinhole import five_coefficients, size_for
-from scene4d.formats.text import decimal, read_text
-from scene4d.model import Camera, Lens
 
 _MODELS = ("plumb_bob", "rational_polynomial")
 

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d import geometry
-from scene4d.errors import InputError
+from scene4d.core import geometry
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+from scene4d.core.text import floats, read_text
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
 from scene4d.formats.cameras.pinhole import five_coefficients, size_for
-from scene4d.formats.text import floats, read_text
-from scene4d.model import Camera
 
 _K = ("FocalLengthX", "Skew", "PrincipalPointX", "FocalLengthY", "PrincipalPointY")
 _QUATERNION = ("RotationX", "RotationY", "RotationZ", "RotationW")

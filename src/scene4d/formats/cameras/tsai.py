@@ -10,11 +10,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from scene4d import geometry
-from scene4d.errors import InputError
+from scene4d.core import geometry
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+from scene4d.core.text import floats, parse_xml, read_text
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
-from scene4d.formats.text import floats, parse_xml, read_text
-from scene4d.model import Camera
 
 _FIELDS = {
     "Geometry": ("width", "height", "dpx", "dpy"),

@@ -6,9 +6,9 @@ from datetime import datetime
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.tracks import Tracks
 from scene4d.formats.scenes.geo import GeoAnchor
-from scene4d.model import Tracks
 
 _FIRST_YEAR, _LAST_YEAR = 1678, 2261
 """Nanoseconds in 64 bits reach no further."""
@@ -71,7 +71,7 @@ class SceneFormat:
     it yields (which of ``suffixes``, bytes that follow in that file). A format of one file has the
     suffix of that file and takes the path as it is; one of several adds each suffix to the path.
     It opens nothing: the registry writes. ``streams`` says that memory does not grow with the
-    number of pieces. Raises :class:`~scene4d.errors.InputError` for what the format cannot hold.
+    number of pieces. Raises :class:`InputError` for what the format cannot hold.
     """
 
     name: str

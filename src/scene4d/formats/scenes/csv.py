@@ -13,7 +13,8 @@ from collections.abc import Iterator
 import numpy as np
 from arro3.core import Array, DataType
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.tracks import Tracks
 from scene4d.formats.scenes.contract import SceneFormat, SceneTable
 from scene4d.formats.scenes.geo import GeoAnchor
 from scene4d.formats.scenes.pieces import agreeing, by_frame
@@ -31,7 +32,6 @@ from scene4d.formats.scenes.values import (
     csv_lines,
     utc_ns,
 )
-from scene4d.model import Tracks
 
 _SUFFIX = ".csv"
 

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.errors import InputError, UnavailableError
-from scene4d.formats.text import floats
-from scene4d.geometry.alignment import rigid_fit
+from scene4d.core.errors import InputError, UnavailableError
+from scene4d.core.geometry.alignment import rigid_fit
+from scene4d.core.text import floats
 
 EXPECTED_ERROR_M = 1.0
 """How far off a point on the ground is: read from a map, and seen by the camera."""
@@ -56,7 +56,7 @@ class GeoAnchor:
         """The anchor that brings ground points (n, 2), n at least 2, to where they are known to be.
 
         ``sigma_m`` is the expected error of a point. Least squares over rotation and shift
-        (:func:`~scene4d.geometry.alignment.rigid_fit`). Warns where a point is off by three
+        (:func:`~scene4d.core.geometry.alignment.rigid_fit`). Warns where a point is off by three
         expected errors; raises :class:`InputError` beyond six, where distances disagree by more
         than 1.25, for fewer than two points, points within 1 m, points without a ground position
         and degrees out of range, and :class:`UnavailableError` without pyproj.

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.tracks import Tracks
 from scene4d.formats.scenes.contract import SceneFormat, SceneTable
 from scene4d.formats.scenes.geo import GeoAnchor
 from scene4d.formats.scenes.pieces import gathered, main_class, track_rows
@@ -30,7 +31,6 @@ from scene4d.formats.scenes.values import (
     speed_mps,
     utc_text,
 )
-from scene4d.model import Tracks
 
 STANDING_M, STANDING_MPS = 0.5, 0.3
 """A track stands where its positions stay this close to their mean, as a root mean square, and the

@@ -13,11 +13,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.tracks import Tracks
 from scene4d.formats.scenes.contract import SceneFormat, SceneTable
 from scene4d.formats.scenes.pieces import in_frame_order
 from scene4d.formats.scenes.values import PIXELS, chunks, rounded
-from scene4d.model import Tracks
 
 _GEOM, _TYPES = ".geom.yml", ".types.yml"
 _CLASS = re.compile(r"[\w-]+")

@@ -13,11 +13,11 @@ from collections.abc import Iterator
 import numpy as np
 from arro3.core import Array
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.tracks import Tracks
 from scene4d.formats.scenes.contract import SceneFormat, SceneTable
 from scene4d.formats.scenes.pieces import in_frame_order
 from scene4d.formats.scenes.values import METRES, PIXELS, SCORE, chunks, column, csv_lines
-from scene4d.model import Tracks
 
 _SUFFIX = ".txt"
 

@@ -26,7 +26,8 @@ from typing import Any
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.tracks import Tracks
 from scene4d.formats.scenes.contract import SceneFormat, SceneTable
 from scene4d.formats.scenes.pieces import gathered, main_class, track_rows
 from scene4d.formats.scenes.values import (
@@ -40,7 +41,6 @@ from scene4d.formats.scenes.values import (
     speed_mps,
     utc_text,
 )
-from scene4d.model import Tracks
 
 _SUFFIX = ".json"
 _DEGREE = "http://www.opengis.net/def/uom/UCUM/0/deg"

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
+from scene4d.core.tracks import Tracks
 from scene4d.formats.scenes.contract import SceneTable
-from scene4d.model import Tracks
 
 ONE_CLIP = ("camera", "image_size", "start_utc", "fps", "keypoint_names", "geo")
 """What pieces have in common where the format can say it only once."""

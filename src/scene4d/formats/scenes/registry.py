@@ -5,11 +5,11 @@ from collections.abc import Iterable, Iterator
 from itertools import chain
 from pathlib import Path
 
-from scene4d.errors import InputError, OutputError
+from scene4d.core.errors import InputError, OutputError
+from scene4d.core.text import prefixed
 from scene4d.formats.scenes import csv, geojson, kpf, mot, moving_features
 from scene4d.formats.scenes.contract import SceneFormat, SceneTable
 from scene4d.formats.scenes.replacing import replace_files
-from scene4d.formats.text import prefixed
 
 FORMATS: tuple[SceneFormat, ...] = (
     csv.FORMAT,
@@ -42,7 +42,7 @@ def write_scene(
 
     Raises :class:`InputError` for an unknown format, a scene without rows and what the format
     cannot hold, :class:`OutputError` where a file is in the way or cannot be written, and
-    :class:`~scene4d.errors.UnavailableError` where a geo-anchor is used without pyproj. Nothing is
+    :class:`UnavailableError` where a geo-anchor is used without pyproj. Nothing is
     changed then.
     """
     chosen = _by_name(format)

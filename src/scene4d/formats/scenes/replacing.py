@@ -7,13 +7,13 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import IO
 
-from scene4d.errors import OutputError
+from scene4d.core.errors import OutputError
 
 
 class Replacement:
     """A new file that takes a path's place once it is complete.
 
-    As :func:`~scene4d.model.write_bytes`, for content that need not fit into memory. Its methods
+    As :func:`~scene4d.core.write_bytes`, for content that need not fit into memory. Its methods
     raise :class:`OutputError` naming the path.
     """
 

@@ -10,7 +10,7 @@ from arro3.core import Array, DataType, Table
 from arro3.io import write_csv
 from jaxtyping import Float
 
-from scene4d.model import Tracks
+from scene4d.core.tracks import Tracks
 
 METRES, DEGREES, RADIANS, SECONDS, PIXELS = 4, 9, 6, 9, 3
 """Decimals: a tenth of a millimetre (on the ground and on the Earth), a nanosecond, 1/1000 px."""

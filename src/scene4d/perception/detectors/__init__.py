@@ -7,7 +7,7 @@ called without arguments and returns a :class:`~scene4d.perception.detectors.bas
 from importlib.metadata import EntryPoint, entry_points
 from typing import TYPE_CHECKING
 
-from scene4d.errors import InputError, UnavailableError
+from scene4d.core.errors import InputError, UnavailableError
 
 if TYPE_CHECKING:
     from scene4d.perception.detectors.base import Detector

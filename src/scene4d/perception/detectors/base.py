@@ -6,7 +6,7 @@ import numpy as np
 import supervision as sv
 from jaxtyping import UInt8
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 
 
 @runtime_checkable

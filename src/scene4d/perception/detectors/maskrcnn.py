@@ -12,7 +12,7 @@ import numpy as np
 import supervision as sv
 from jaxtyping import UInt8
 
-from scene4d.errors import InputError, UnavailableError
+from scene4d.core.errors import InputError, UnavailableError
 from scene4d.perception.detectors.base import require_bgr
 from scene4d.perception.session import DEFAULT_THREADS
 

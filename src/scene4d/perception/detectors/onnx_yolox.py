@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.perception.detectors.coco import COCO80
 from scene4d.perception.detectors.tiled import Boxes, TiledDetector
 from scene4d.perception.detectors.tiles import ExpectedPersonPx, Sight

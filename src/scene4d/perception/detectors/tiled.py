@@ -9,12 +9,7 @@ import supervision as sv
 from jaxtyping import UInt8
 
 from scene4d.perception.detectors.base import require_bgr
-from scene4d.perception.detectors.tiles import (
-    ExpectedPersonPx,
-    Sight,
-    choose_tiles,
-    cut_by_tile,
-)
+from scene4d.perception.detectors.tiles import ExpectedPersonPx, Sight, choose_tiles, cut_by_tile
 
 NMS_IOU = 0.5
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 
 ExpectedPersonPx = Callable[[np.ndarray], np.ndarray] | Float[np.ndarray, "h"]
 """Height in pixels of a person whose feet are at an image row: a function of rows, or one per row.

@@ -12,8 +12,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from scene4d.errors import InputError
-from scene4d.model import CLASSES
+from scene4d.core.errors import InputError
+from scene4d.core.tracks import CLASSES
 from scene4d.perception.detectors.coco import COCO80
 from scene4d.perception.detectors.tiled import Boxes, TiledDetector
 from scene4d.perception.detectors.tiles import ExpectedPersonPx, Sight

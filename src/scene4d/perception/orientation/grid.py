@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.errors import InputError
-from scene4d.model import Orientation
+from scene4d.core.errors import InputError
+from scene4d.core.orientation import Orientation
 
 ROLL_RAD = np.radians(np.arange(-24.0, 24.1, 1.5))
 """Roll of the cells' centres, (33,)."""

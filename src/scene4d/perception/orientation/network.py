@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import log_softmax
 
-from scene4d.errors import InputError
+from scene4d.core.errors import InputError
 from scene4d.perception.orientation.grid import Belief, crop_size
 
 INPUT_SIZE = (192, 144)

@@ -1,0 +1,81 @@
+"""Captions and alternative texts of the figures."""
+
+import numpy as np
+
+from scene4d.core.calibration import Calibration
+from scene4d.drawing.birdseye import MAX_DOTS as ABOVE_DOTS
+from scene4d.drawing.histogram import inlier_heights
+from scene4d.drawing.overlay import MAX_DOTS, people_of
+
+_NETWORK = (
+    " The thin dashed line is the horizon that the orientation network reads in the pictures: a "
+    "second opinion, which knows nothing of the people."
+)
+
+
+def caption(name: str, calibration: Calibration, *, has_network: bool = False) -> str:
+    """What to see in a figure; ``has_network`` where the network's horizon is drawn."""
+    dashed = _NETWORK if has_network else ""
+    if not calibration:
+        return (
+            "The people that were found. Without a camera little else can be drawn."
+            + dashed
+            + _sample(calibration, MAX_DOTS)
+        )
+    height = f"{calibration.person_height_m:.2f}"
+    texts = {
+        "overlay": (
+            "What to check: the horizon lies where the ground would end if it went on for ever; "
+            f"the uprights stand on the ground and are as tall as a person of {height} m "
+            "beside them; the short white ticks run along the corners of buildings and along poles."
+            + dashed
+            + _sample(calibration, MAX_DOTS)
+        ),
+        "birdseye": (
+            "The frame laid flat on the ground. Straight kerbs and markings should be straight, "
+            "right angles right, and lengths true against the grid. Whatever stands up is smeared "
+            "away from the camera." + _sample(calibration, ABOVE_DOTS)
+        ),
+        "errormap": (
+            "Predicted error (one standard deviation) of a position on the ground, by where it "
+            "lies in the frame. There is none above the horizon."
+        ),
+        "heights": _heights(calibration),
+    }
+    return texts[name]
+
+
+def words_for_picture(name: str, calibration: Calibration) -> str:
+    """The alternative text, for readers who do not see the picture."""
+    seen = f"{calibration.people} sightings of people"
+    if not calibration:
+        return f"The frame with {seen} marked by their feet and heads; no geometry."
+    agreed = f"{seen}, {calibration.inliers} of them inliers"
+    texts = {
+        "overlay": (
+            f"The frame with the horizon, the ground grid, {agreed}, and uprights of "
+            f"{calibration.person_height_m:.2f} m on the ground."
+        ),
+        "birdseye": f"The ground from above with a grid in metres, the camera, and {agreed}.",
+        "errormap": "The frame under bands of the predicted ground error, growing with distance.",
+        "heights": "Histogram of people's heights. " + _heights(calibration),
+    }
+    return texts[name]
+
+
+def _heights(calibration: Calibration) -> str:
+    heights, _ = inlier_heights(calibration)
+    if len(heights) == 0:
+        return "No person's height could be measured."
+    q10, median, q90 = np.percentile(heights, [10, 50, 90])
+    return (
+        f"Half of the sightings are taller than {median:.2f} m, and eight in ten lie between "
+        f"{q10:.2f} and {q90:.2f} m; {calibration.person_height_m:.2f} m was assumed. One hump "
+        "about the assumed mean is right, with spikes of people who stayed long; a second hump far "
+        "below it is children or seated people."
+    )
+
+
+def _sample(calibration: Calibration, limit: int) -> str:
+    _, used = people_of(calibration)
+    return " An even sample of the people is drawn." if len(used) > limit else ""

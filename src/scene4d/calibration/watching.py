@@ -1,0 +1,203 @@
+"""Looking at footage once: people, whether the camera moves, the scene's edges."""
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scene4d.calibration.options import Options, Seen
+from scene4d.calibration.orienting import MOST_FRAMES, OrientationReader
+from scene4d.calibration.solving import solved
+from scene4d.core.camera import Camera, Lens
+from scene4d.core.errors import InputError
+from scene4d.core.people import Detections
+from scene4d.core.progress import Progress, timed
+
+if TYPE_CHECKING:
+    from scene4d.perception.people import PeopleDetector
+    from scene4d.video.frames import Frame, Source
+
+ROUGH_FRAMES = 12
+"""So many frames give a camera good enough to tell the detector how large people are where."""
+NETWORK_FRAMES = 32
+"""So many frames are shown to the orientation network for a guess: their errors are nearly the
+same. Where it alone is believed, all are, up to :data:`.MOST_FRAMES`."""
+
+
+def fetch_weights(progress: Progress, *, vehicles: bool = False) -> None:
+    """Get the networks that are missing, those for vehicles only where they are wanted.
+
+    Raises as :func:`perception.weights.fetch_all`.
+    """
+    from scene4d.perception.weights import PEOPLE_WEIGHTS, fetch_all, missing_weights
+
+    names = None if vehicles else PEOPLE_WEIGHTS
+    if not missing_weights(names=names):
+        fetch_all(names=names)  # checks those that are here
+        return
+    percent = 0
+
+    def told(source: str, so_far: int, total: int) -> None:
+        nonlocal percent
+        now = 100 * so_far // total if total else percent
+        step(now - percent)
+        percent = now
+
+    with progress.stage("Fetching the networks", 100) as step:
+        fetch_all(told, names=names)
+
+
+def annotated(options: Options, image_size: tuple[int, int], fps: float | None) -> Seen:
+    """What an annotation file says was seen, instead of a detector."""
+    assert options.annotations is not None
+    detections, notes = noted_annotations(
+        options.annotations, image_size, fps, drop_invalid=options.drop_invalid
+    )
+    return Seen(detections, len(np.unique(detections.frame)), notes=notes)
+
+
+def noted_annotations(
+    path: str | Path, image_size: tuple[int, int], fps: float | None, *, drop_invalid: bool
+) -> tuple[Detections, list[str]]:
+    """The boxes of a file, and what its reader warns of, as sentences."""
+    from scene4d.formats.annotations import read_annotations
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        found = read_annotations(path, image_size=image_size, fps=fps, drop_invalid=drop_invalid)
+    return found, [f"{str(w.message).rstrip('.?')}." for w in caught]
+
+
+def watch(
+    footage: "Source",
+    lens: Lens | None,
+    options: Options,
+    progress: Progress,
+    timings: dict[str, float],
+) -> Seen:
+    """Look at sampled frames once: people, whether the camera moves, the scene's edges, and what
+    the orientation network reads.
+    """
+    from scene4d.perception.lines import straight_edges
+    from scene4d.video.background import Background
+    from scene4d.video.motion import MotionMonitor
+    from scene4d.video.sampling import expected_count, sample_frames
+
+    people = None if options.annotations else _people_detector(footage, lens, options, progress)
+    monitor = MotionMonitor(footage.image_size)
+    expected = expected_count(footage, options.frames)
+    background = Background(footage.image_size, expected)
+    reader = _reader(footage.image_size, lens, options, expected)
+    notes: list[str] = []
+    parts: list[Detections] = []
+    busiest: tuple[int, np.ndarray | None] = (0, None)
+    count = 0
+    with timed(timings, "decode and detect"), progress.stage("Watching people", expected) as step:
+        for frame in sample_frames(footage, options.frames):
+            monitor.add(frame.image_bgr, frame.time_s)
+            background.add(frame)
+            if reader is not None and not _offered(reader, frame, options, notes):
+                reader = None
+            if people is not None:
+                parts.append(people.look(frame))
+                if len(parts[-1]) > busiest[0]:
+                    busiest = len(parts[-1]), frame.image_bgr.copy()
+            count += 1
+            step(1)
+    if count == 0:
+        raise InputError(f"{footage.name}: no frame could be read")
+    verdict = monitor.verdict()
+    if verdict.moved:
+        raise InputError(f"{footage.name}: {verdict.reason}")
+    if people is None:
+        seen = annotated(options, footage.image_size, footage.fps)
+    else:
+        seen = Seen(Detections.concatenate(parts), count)
+        drop_stationary(seen)
+    seen.notes.extend(notes)
+    seen.reading = None if reader is None else reader.reading()
+    if verdict.reason is not None and count > 1:
+        seen.notes.append(f"{verdict.reason[0].upper()}{verdict.reason[1:]}.")
+    seen.image_bgr, seen.people_bgr = background.image(), busiest[1]
+    if options.lines and options.method == "joint" and seen.image_bgr is not None:
+        with timed(timings, "edges"):
+            hidden = None if background.is_median else seen.detections.box_xyxy
+            seen.edges = straight_edges(seen.image_bgr, hidden)
+    return seen
+
+
+def _reader(
+    image_size: tuple[int, int], lens: Lens | None, options: Options, expected: int
+) -> OrientationReader | None:
+    if not options.uses_network:
+        return None
+    most = MOST_FRAMES if options.needs_network else NETWORK_FRAMES
+    step = max(1, -(-expected // most))
+    return OrientationReader(image_size, lens, focal_known=not options.estimate_focal, step=step)
+
+
+def _offered(reader: OrientationReader, frame: "Frame", options: Options, notes: list[str]) -> bool:
+    """Show the network a frame; false, with a note, where it cannot see and is not needed."""
+    try:
+        reader.offer(frame)
+    except InputError as error:
+        if options.needs_network:
+            raise
+        notes.append(f"The people alone were used: {error}.")
+        return False
+    return True
+
+
+def drop_stationary(seen: Seen) -> None:
+    """Take out what never moves, and note how many sightings that were."""
+    from scene4d.perception.stationary import stationary
+
+    still = stationary(seen.detections)
+    if still.any():
+        seen.detections = seen.detections.select(~still)
+        seen.notes.append(
+            f"{int(still.sum())} sightings that never move (mannequins, posters, reflections) "
+            "were left out."
+        )
+
+
+def _people_detector(
+    footage: "Source", lens: Lens | None, options: Options, progress: Progress
+) -> "PeopleDetector":
+    """The default detector; where it needs tiles, a rough camera first tells it where."""
+    from scene4d.perception.detectors.tiles import choose_tiles
+    from scene4d.perception.detectors.yolox import YoloxDetector
+    from scene4d.perception.people import PeopleDetector, detect_people
+    from scene4d.video.sampling import expected_count, sample_frames
+
+    fetch_weights(progress)
+    people = PeopleDetector.default()
+    many = expected_count(footage, options.frames)
+    if footage.timeline is None or many < 3 * ROUGH_FRAMES:
+        return people
+    if len(choose_tiles(footage.image_size)) == 0:
+        return people
+    with progress.stage("A first look", ROUGH_FRAMES) as step:
+        rough = detect_people(
+            sample_frames(footage, ROUGH_FRAMES),
+            replace(people, tracker=None),
+            progress=lambda done, found: step(1),
+        )
+    first = solved(Seen(rough, ROUGH_FRAMES), lens, replace(options, method="joint"), None)
+    if not first or first.camera is None:
+        return people
+    assert isinstance(people.detector, YoloxDetector)
+    camera, height_m = first.camera, options.person_height_m
+    expecting = people.detector.expecting(lambda rows: person_px(camera, rows, height_m))
+    return replace(people, detector=expecting)
+
+
+def person_px(camera: Camera, rows: np.ndarray, person_height_m: float) -> np.ndarray:
+    """Height in pixels of a person with feet at image ``rows``, mid-width; NaN: nobody can be."""
+    middle = np.full(len(rows), (camera.image_size[0] - 1) / 2)
+    xy, valid = camera.locate(camera.undistort(np.column_stack([middle, rows]).astype(float))[0])
+    head, seen = camera.project(np.column_stack([xy, np.full(len(xy), person_height_m)]))
+    height = np.asarray(rows, float) - camera.distort(head)[:, 1]
+    return np.where(valid & seen & (height > 0), height, np.nan)

@@ -1,0 +1,107 @@
+"""A scene in the format of another program."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+from scene4d.core.people import HALPE26
+
+if TYPE_CHECKING:
+    from scene4d.formats.scenes import GeoAnchor, SceneTable
+    from scene4d.store.query import Scene
+
+
+STRETCH_S = 600.0
+"""So much of a scene is held at once by formats that are written line by line."""
+
+
+@dataclass(frozen=True)
+class GroundPoint:
+    """A pixel on the ground whose place on the Earth is known, in degrees."""
+
+    u: float
+    v: float
+    lat_deg: float
+    lon_deg: float
+
+
+def export_scene(
+    scene: str | Path,
+    out: str | Path,
+    to: str,
+    *,
+    run: str | None = None,
+    anchor: Sequence[GroundPoint] = (),
+) -> tuple[Path, ...]:
+    """Write one run of a scene (by name, or the only one); the files that were written.
+
+    ``anchor`` are two or more ground points whose latitude and longitude are known. Raises
+    :class:`InputError` where there is no such run or the points disagree, and as
+    :func:`.write_scene`.
+    """
+    from scene4d.formats.scenes import write_scene
+    from scene4d.store.query import Scene
+
+    everything = Scene.open(scene)
+    names = [one.run for one in everything.runs]
+    if run is None and len(names) > 1:
+        raise InputError(f"{scene}: holds {len(names)} runs, name one: {', '.join(names)}")
+    chosen = everything.only(run or names[0])
+    if not len(chosen):
+        raise InputError(f"{scene}: run {chosen.runs[0].run!r} is empty: nobody was tracked")
+    return write_scene(_pieces(chosen, anchor), out, to)
+
+
+def is_scene(path: Path) -> bool:
+    """Whether this is the folder of a scene."""
+    return (path / "runs").is_dir()
+
+
+def _pieces(scene: "Scene", points: Sequence[GroundPoint]) -> "Iterator[SceneTable]":
+    """The run in stretches of time."""
+    from scene4d.formats.scenes import SceneTable
+    from scene4d.store.writing import with_keypoints
+
+    (run,) = scene.runs
+    camera = Camera.load(scene.camera_file(run.camera))
+    start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=run.start_ns // 1000)
+    geo = anchored(camera, points) if points else None
+    begin = min(part.begin_s for part in run.parts)
+    end = max(part.end_s for part in run.parts)
+    while begin <= end:
+        tracks = with_keypoints(scene.tracks(begin=begin, end=begin + STRETCH_S), run.keypoints)
+        begin += STRETCH_S
+        yield SceneTable(
+            tracks,
+            camera=run.camera,
+            image_size=camera.image_size,
+            start_utc=start if run.start_known else None,
+            keypoint_names=HALPE26[: run.keypoints],
+            geo=geo,
+        )
+
+
+def anchored(camera: Camera, points: Sequence[GroundPoint]) -> "GeoAnchor":
+    """Where the camera's world lies on the Earth; raises :class:`InputError` where the points
+    disagree or one of them does not lie on the ground.
+    """
+    from scene4d.formats.scenes import GeoAnchor
+
+    uv = np.array([[p.u, p.v] for p in points])
+    straight, seen = camera.undistort(uv)
+    xy, on_ground = camera.locate(straight)
+    bad = np.flatnonzero(~(seen & on_ground))
+    if len(bad):
+        raise InputError(
+            f"anchor {bad[0] + 1}: pixel ({uv[bad[0], 0]:g}, {uv[bad[0], 1]:g}) does "
+            "not lie on the ground; give pixels below the horizon"
+        )
+    return GeoAnchor.fit(
+        xy, np.array([p.lat_deg for p in points]), np.array([p.lon_deg for p in points])
+    )

@@ -1,0 +1,1 @@
+"""What every room speaks: geometry, cameras, people, tracks, errors, progress, files."""

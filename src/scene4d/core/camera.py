@@ -1,0 +1,242 @@
+"""The camera and its lens: immutable values with the few operations everybody needs."""
+
+import os
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from scene4d.core import geometry
+from scene4d.core.errors import InputError
+from scene4d.core.files import read_json, write_json
+
+SCHEMA = "scene4d/camera/1"
+ASPECT_TOLERANCE = 0.01
+_SHAPES = {"K": (3, 3), "distortion": (5,), "R": (3, 3), "t": (3,)}
+
+
+def _frozen(values: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        array = np.empty(())
+    if array.shape != shape or not np.isfinite(array).all():
+        wanted = "x".join(map(str, shape))
+        raise InputError(f"{name} must be {wanted} finite numbers, found {values!r}")
+    array.setflags(write=False)
+    return array
+
+
+def _check_size(image_size: tuple[int, int]) -> None:
+    if min(image_size) < 1:
+        raise InputError(f"image_size must be positive, found {image_size}")
+
+
+@dataclass(frozen=True, eq=False)
+class Lens:
+    """Intrinsics and distortion of a camera, without its pose.
+
+    ``K`` 3x3 in pixels, ``distortion`` in OpenCV's order (k1, k2, p1, p2, k3), ``image_size``
+    (width, height) in pixels. Raises :class:`InputError` for values that are no lens.
+    """
+
+    image_size: tuple[int, int]
+    K: Float[np.ndarray, "3 3"]
+    distortion: Float[np.ndarray, "5"] = field(default_factory=lambda: np.zeros(5))
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "K", _frozen(self.K, (3, 3), "K"))
+        object.__setattr__(self, "distortion", _frozen(self.distortion, (5,), "distortion"))
+        if self.K[0, 0] <= 0 or self.K[1, 1] <= 0:
+            raise InputError(f"K must have positive focal lengths, found {self.K.diagonal()[:2]}")
+        if np.any(self.K[[1, 2, 2], [0, 0, 1]]) or self.K[2, 2] != 1:
+            raise InputError(
+                "K must be upper triangular with last row 0 0 1 (pixel = K x / z), "
+                f"found {self.K.tolist()}"
+            )
+        _check_size(self.image_size)
+
+    def scaled_to(self, image_size: tuple[int, int]) -> "Lens":
+        """The same lens for frames of another size; raises where the aspect differs by over 1 %.
+
+        Pixel centres lie at integers, so a coordinate scales as ``(u + 0.5) s - 0.5``.
+        """
+        if image_size == self.image_size:
+            return self
+        _check_size(image_size)
+        sx, sy = image_size[0] / self.image_size[0], image_size[1] / self.image_size[1]
+        if abs(sx / sy - 1) > ASPECT_TOLERANCE:
+            raise InputError(
+                f"the lens was measured on {self.image_size[0]}x{self.image_size[1]} images and "
+                f"cannot serve {image_size[0]}x{image_size[1]}: the aspect ratio differs; "
+                "give a lens file made for this image size"
+            )
+        scale = np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
+        return replace(self, image_size=image_size, K=scale @ self.K)
+
+    def distort(self, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """Undistorted pixels to pixels of the footage."""
+        return geometry.distort(uv, self.K, self.distortion)
+
+    def undistort(
+        self, uv: Float[np.ndarray, "n 2"]
+    ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+        """Pixels of the footage to undistorted pixels (same K), and which have one."""
+        return geometry.undistort(uv, self.K, self.distortion)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Camera(Lens):
+    """A calibrated camera: a lens and its pose ``cam_from_world = [R | t]`` in metres.
+
+    Raises :class:`InputError` where ``R`` is no rotation or a value is not finite.
+    """
+
+    R: Float[np.ndarray, "3 3"] = field(default_factory=lambda: geometry.R_OVERHEAD)
+    t: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(3))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "R", _frozen(self.R, (3, 3), "R"))
+        object.__setattr__(self, "t", _frozen(self.t, (3,), "t"))
+        if not geometry.is_rotation(self.R):
+            raise InputError("R must be a rotation matrix (orthonormal, determinant +1)")
+
+    def __repr__(self) -> str:
+        width, height = self.image_size
+        return (
+            f"<Camera {width}x{height}: focal {self.focal_px:.0f} px, "
+            f"tilt {np.degrees(self.tilt_rad):.2f}°, roll {np.degrees(self.roll_rad):.2f}°, "
+            f"height {self.height_m:.2f} m>"
+        )
+
+    @classmethod
+    def from_pose(
+        cls,
+        *,
+        image_size: tuple[int, int],
+        focal_px: float,
+        tilt_rad: float,
+        roll_rad: float,
+        height_m: float,
+        distortion: Any = (0.0, 0.0, 0.0, 0.0, 0.0),
+        centre_uv: tuple[float, float] | None = None,
+    ) -> "Camera":
+        """The camera of scene4d's world: above the origin, heading along +Y, ground at Z = 0."""
+        cu, cv = centre_uv or ((image_size[0] - 1) / 2, (image_size[1] - 1) / 2)
+        R = geometry.rotation_from_tilt_roll(tilt_rad, roll_rad)
+        return cls(
+            image_size=image_size,
+            K=np.array([[focal_px, 0, cu], [0, focal_px, cv], [0, 0, 1.0]]),
+            distortion=np.asarray(distortion, float),
+            R=R,
+            t=-R @ np.array([0.0, 0.0, height_m]),
+        )
+
+    @property
+    def lens(self) -> Lens:
+        """Intrinsics and distortion alone."""
+        return Lens(self.image_size, self.K, self.distortion)
+
+    @property
+    def P(self) -> Float[np.ndarray, "3 4"]:
+        """``K [R | t]``: world metres to undistorted pixels."""
+        return geometry.projection_matrix(self.K, self.R, self.t)
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length in pixels (geometric mean of the two axes)."""
+        return float(np.sqrt(self.K[0, 0] * self.K[1, 1]))
+
+    @property
+    def tilt_rad(self) -> float:
+        """Angle of the optical axis below the horizon."""
+        return geometry.tilt_roll_from_rotation(self.R)[0]
+
+    @property
+    def roll_rad(self) -> float:
+        """Roll, ``atan2(up_x, -up_y)``: positive when the horizon falls to the right."""
+        return geometry.tilt_roll_from_rotation(self.R)[1]
+
+    @property
+    def centre_m(self) -> Float[np.ndarray, "3"]:
+        """Camera centre in the world."""
+        return geometry.camera_centre(self.R, self.t)
+
+    @property
+    def height_m(self) -> float:
+        """Height of the camera above the plane Z = 0."""
+        return float(self.centre_m[2])
+
+    def project(
+        self, xyz_m: Float[np.ndarray, "n 3"]
+    ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+        """World points to undistorted pixels ``(uv, valid)``; see :meth:`Lens.distort`."""
+        return geometry.project(self.P, xyz_m)
+
+    def locate(
+        self, uv: Float[np.ndarray, "n 2"], height_m: float | Float[np.ndarray, "n"] = 0.0
+    ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+        """Undistorted pixels to world ``(xy_m, valid)`` on the plane ``Z = height_m``."""
+        return geometry.locate(self.P, uv, height_m)
+
+    def disturbed(self, step: Float[np.ndarray, "5"]) -> "Camera":
+        """The camera moved by (log f, tilt, roll, log height, corner distortion); heading kept.
+
+        The lens bends by position on the sensor, so its coefficients move with the focal length;
+        the last step is the fraction by which the image's corner is displaced further.
+        """
+        d_log_f, d_tilt, d_roll, d_log_h, d_corner = step
+        stretch = np.exp(d_log_f)
+        K = self.K.copy()
+        K[:2, :2] *= stretch
+        distortion = geometry.refocused(self.distortion, float(stretch))
+        distortion[0] += d_corner * (2 * K[0, 0] / np.hypot(*self.image_size)) ** 2
+        tilt, roll = self.tilt_rad, self.roll_rad
+        before = geometry.rotation_from_tilt_roll(tilt, roll)
+        R = geometry.rotation_from_tilt_roll(tilt + d_tilt, roll + d_roll) @ before.T @ self.R
+        centre = self.centre_m
+        centre[2] *= np.exp(d_log_h)
+        return replace(self, K=K, distortion=distortion, R=R, t=-R @ centre)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The fields of ``camera.json`` that describe the camera itself."""
+        return {
+            "schema": SCHEMA,
+            "image_size": list(self.image_size),
+            "K": self.K.tolist(),
+            "distortion": self.distortion.tolist(),
+            "R": self.R.tolist(),
+            "t": self.t.tolist(),
+            "P": self.P.tolist(),
+            "focal_px": self.focal_px,
+            "tilt_deg": float(np.degrees(self.tilt_rad)),
+            "roll_deg": float(np.degrees(self.roll_rad)),
+            "height_m": self.height_m,
+        }
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> "Camera":
+        """Read a ``camera.json``. Raises :class:`InputError` naming the file and the field."""
+        values = read_json(path)
+        if not isinstance(values, dict) or values.get("schema") != SCHEMA:
+            raise InputError(f'{path}: field "schema" must be "{SCHEMA}"')
+        if values.get("status", "ok") != "ok":
+            raise InputError(f"{path}: holds no camera: {values.get('reason', 'undetermined')}")
+        try:
+            size = values["image_size"]
+            if not (isinstance(size, list) and [type(x) for x in size] == [int, int]):
+                raise InputError(f"image_size must be [width, height] in pixels, found {size!r}")
+            return cls(
+                image_size=(size[0], size[1]),
+                **{name: _frozen(values[name], shape, name) for name, shape in _SHAPES.items()},
+            )
+        except KeyError as error:
+            raise InputError(f"{path}: field {error} is missing") from error
+        except InputError as error:
+            raise InputError(f"{path}: {error}") from error
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a ``camera.json`` atomically. Raises :class:`OutputError` where it cannot."""
+        write_json(path, self.to_dict())

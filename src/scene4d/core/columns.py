@@ -1,0 +1,44 @@
+"""Tables of arrays that have one row per entry."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+from jaxtyping import Bool, Int
+
+from scene4d.core.errors import InputError
+
+T = TypeVar("T", bound="Columns")
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """A dataclass whose arrays go along one first axis; other fields concern the whole table."""
+
+    def array_names(self) -> Iterator[str]:
+        """Names of the fields that are arrays, in order."""
+        return (f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray))
+
+    def check_rows(self, what: str) -> None:
+        """Raise :class:`InputError` where an array is longer or shorter than the first."""
+        for name in self.array_names():
+            found = len(getattr(self, name))
+            if found != len(self):
+                raise InputError(f"{what}: {name} has {found} rows, not {len(self)}")
+
+    def __len__(self) -> int:
+        return len(getattr(self, next(self.array_names())))
+
+    def select(self: T, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> T:
+        """The given rows, as a mask or as indices."""
+        return replace(self, **{name: getattr(self, name)[rows] for name in self.array_names()})
+
+    @classmethod
+    def joined(cls: type[T], parts: Sequence[T]) -> T:
+        """One table of several (at least one); what is no array is that of the first."""
+        arrays: dict[str, Any] = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in parts[0].array_names()
+        }
+        return replace(parts[0], **arrays)

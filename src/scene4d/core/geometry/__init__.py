@@ -1,0 +1,57 @@
+"""Pure functions of arrays: rotations, projection, distortion, alignment, vanishing points."""
+
+from scene4d.core.geometry.alignment import rigid_fit
+from scene4d.core.geometry.distortion import (
+    NO_DISTORTION,
+    distort,
+    opencv_from_tsai,
+    refocused,
+    undistort,
+    undistort_tsai,
+)
+from scene4d.core.geometry.homography import apply_homography, pose_from_homography
+from scene4d.core.geometry.projection import (
+    camera_centre,
+    horizon_line,
+    locate,
+    project,
+    projection_matrix,
+    vertical_vanishing_point,
+)
+from scene4d.core.geometry.rotation import (
+    R_OVERHEAD,
+    is_rotation,
+    quaternion_from_rotation,
+    rotation_from_euler_zyx,
+    rotation_from_quaternion,
+    rotation_from_tilt_roll,
+    tilt_roll_from_rotation,
+)
+from scene4d.core.geometry.vanishing import meeting_point, tilt_roll_from_vertical
+
+__all__ = [
+    "NO_DISTORTION",
+    "R_OVERHEAD",
+    "apply_homography",
+    "camera_centre",
+    "distort",
+    "horizon_line",
+    "is_rotation",
+    "locate",
+    "meeting_point",
+    "opencv_from_tsai",
+    "pose_from_homography",
+    "project",
+    "projection_matrix",
+    "quaternion_from_rotation",
+    "refocused",
+    "rigid_fit",
+    "rotation_from_euler_zyx",
+    "rotation_from_quaternion",
+    "rotation_from_tilt_roll",
+    "tilt_roll_from_rotation",
+    "tilt_roll_from_vertical",
+    "undistort",
+    "undistort_tsai",
+    "vertical_vanishing_point",
+]

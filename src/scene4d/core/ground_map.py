@@ -1,0 +1,66 @@
+"""A reference that knows the ground plane alone: pixels to metres by a homography."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from scene4d.core import geometry
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class GroundMap:
+    """Pixels of the footage to ground metres by ``ground_from_uv`` (3, 3); no height, no lens.
+
+    Two things that a bare matrix leaves open are settled here. Its sign: the middle of the image's
+    lowest row sees ground, so what has the other sign lies above the horizon. Its handedness: a
+    map whose y axis runs down, as in plans, is mirrored (``mirrored`` says so), because the world
+    here is right-handed, seen from above, and no rigid motion could make up for it. Raises
+    :class:`InputError` where the matrix is not 3x3, finite and invertible. The ground's origin may
+    be far away (UTM).
+    """
+
+    image_size: tuple[int, int]
+    ground_from_uv: Float[np.ndarray, "3 3"]
+    mirrored: bool = field(init=False, default=False)
+
+    def __post_init__(self) -> None:
+        H = np.array(self.ground_from_uv, float)
+        if H.shape != (3, 3) or not np.isfinite(H).all():
+            raise InputError(f"homography: expected 3x3 finite numbers, found {H.tolist()}")
+        width, height = self.image_size
+        middle = np.array([(width - 1) / 2, height - 1, 1.0])
+        depth = float(H[2] @ middle)
+        if abs(depth) <= 1e-12 * float(np.abs(H[2]) @ middle):
+            raise InputError("homography: the middle of the picture's lowest row sees no ground")
+        H = H / depth
+        # Metres per pixel there; H itself is near singular where the origin is far away.
+        step = H[:2, :2] - np.outer(H[:2] @ middle, H[2, :2])
+        if np.linalg.cond(step) > 1e8:
+            raise InputError(
+                "homography: the matrix maps the picture onto no plane (not invertible)"
+            )
+        mirrored = bool(np.linalg.det(step) > 0)  # v runs down in pixels, and y must not
+        if mirrored:
+            H[1] = -H[1]
+        H.flags.writeable = False
+        object.__setattr__(self, "ground_from_uv", H)
+        object.__setattr__(self, "mirrored", mirrored)
+
+    def locate(
+        self, uv: Float[np.ndarray, "n 2"]
+    ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+        """Pixels of the footage to ground ``(xy_m, valid)``."""
+        return geometry.apply_homography(self.ground_from_uv, uv)
+
+    def camera(self) -> Camera:
+        """The camera with square pixels, principal point in the middle and no distortion whose
+        ground this is; raises :class:`InputError` where there is none.
+        """
+        width, height = self.image_size
+        centre = np.array([(width - 1) / 2, (height - 1) / 2])
+        focal, R, t = geometry.pose_from_homography(np.linalg.inv(self.ground_from_uv), centre)
+        K = np.array([[focal, 0, centre[0]], [0, focal, centre[1]], [0, 0, 1.0]])
+        return Camera(self.image_size, K, np.zeros(5), R, t)

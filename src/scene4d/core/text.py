@@ -1,0 +1,86 @@
+"""Reading text and XML safely, and writing numbers so that nothing is lost.
+
+Readers raise :class:`InputError` with the line or field; the registries put the file in front.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from xml.etree.ElementTree import Element, ParseError
+
+import numpy as np
+from defusedxml.common import DefusedXmlException
+from defusedxml.ElementTree import fromstring
+from jaxtyping import Float
+
+from scene4d.core.errors import InputError
+
+
+def read_text(path: Path) -> str:
+    """The whole file as UTF-8. Raises :class:`InputError` (unreadable, not text, empty)."""
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"is not UTF-8 text: byte {error.start} cannot be decoded") from error
+    if not text.strip():
+        raise InputError("the file is empty")
+    return text
+
+
+def head_text(path: Path, size: int = 4096) -> str:
+    """The beginning of a file for format detection; empty for a folder.
+
+    Raises :class:`InputError` where there is nothing to read.
+    """
+    if path.is_dir():
+        return ""
+    try:
+        with path.open("rb") as file:
+            return file.read(size).decode("utf-8-sig", errors="replace")
+    except OSError as error:
+        raise InputError(f"cannot be read: {error.strerror}") from error
+
+
+def parse_xml(text: str) -> Element:
+    """The root element; entities and external references are refused.
+
+    Raises :class:`InputError` naming the line.
+    """
+    try:
+        return fromstring(text.encode())
+    except ParseError as error:
+        raise InputError(f"line {error.position[0]}: is not well-formed XML: {error}") from error
+    except DefusedXmlException as error:
+        raise InputError(f"XML with entities or external references is refused: {error}") from error
+
+
+def floats(tokens: Iterable[object], where: str) -> Float[np.ndarray, "n"]:
+    """Finite numbers. Raises :class:`InputError` naming ``where`` and the offending token."""
+    values = []
+    for token in tokens:
+        if isinstance(token, bool) or not isinstance(token, (int, float, str)):
+            raise InputError(f"{where}: expected a number, found {token!r}")
+        try:
+            value = float(token)
+        except (ValueError, OverflowError) as error:
+            raise InputError(f"{where}: expected a number, found {token!r}") from error
+        if not np.isfinite(value):
+            raise InputError(f"{where}: expected a finite number, found {token!r}")
+        values.append(value)
+    return np.array(values, dtype=float)
+
+
+def decimal(value: float) -> str:
+    """The shortest text that reads back as the same float.
+
+    It always has a point: YAML 1.1 readers take ``1e-05`` for a string.
+    """
+    text = repr(float(value) + 0.0)
+    return text.replace("e", ".0e") if "e" in text and "." not in text else text
+
+
+def prefixed(error: InputError, path: Path) -> InputError:
+    """The same error with the file in front, once."""
+    message = str(error)
+    return error if message.startswith(f"{path}:") else InputError(f"{path}: {message}")

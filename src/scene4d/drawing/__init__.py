@@ -1,0 +1,1 @@
+"""Figures that several rooms draw: the overlay, the view from above, one style, one base page."""

@@ -1,0 +1,278 @@
+"""The frame with what the calibration says about it: horizon, verticals, people, uprights, grid."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.lines import Line2D
+
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
+from scene4d.core.geometry import horizon_line
+from scene4d.core.people import Segments
+from scene4d.drawing import style
+from scene4d.drawing.ground import Area, footprints, grid_step, thinned, walked_area
+from scene4d.drawing.scenery import (
+    GridLine,
+    grid_lines,
+    ground_circle,
+    horizon_band,
+    horizon_curve,
+    in_frame,
+    nadir_pixel,
+    upright_curves,
+    upright_rows,
+    vertical_ticks,
+)
+from scene4d.drawing.words import number
+
+MAX_DOTS, MAX_LINES = 1500, 250
+
+
+def draw_overlay(
+    calibration: Calibration, image_bgr: np.ndarray | None = None, network: Camera | None = None
+) -> bytes:
+    """PNG of the frame with the geometry, or with the people alone where there is no camera.
+
+    ``network`` is the camera as the orientation network reads it, of which the horizon is drawn.
+    """
+    segments, _ = people_of(calibration)
+    fig, axes, strip = style.picture(image_bgr, calibration.image_size)
+    camera = calibration.camera if calibration else None
+    if camera is None:
+        every = np.ones(len(segments), bool)
+        handles = _people(axes, segments, [(every, style.SEEN, "o", "person: foot and head")])
+    else:
+        handles = _geometry(axes, calibration, camera)
+    if network is not None:
+        handles += _second_horizon(axes, network)
+    if handles:
+        style.legend_below(fig, handles, strip)
+    return style.png(fig)
+
+
+def _geometry(axes: Axes, calibration: Calibration, camera: Camera) -> list[Any]:
+    segments, used = people_of(calibration)
+    xy = footprints(camera, segments)[used]
+    uprights, curves = _uprights(axes, camera, xy, calibration.person_height_m)
+    people = _people(
+        axes,
+        segments,
+        [
+            (~used, style.OUTLIER, "X", "outlier: foot and head"),
+            (used, style.INLIER, "o", "inlier: foot and head"),
+        ],
+    )
+    area = walked_area(xy, camera)
+    grid = [] if area is None else _grid(axes, camera, area, curves)
+    horizon = _horizon(axes, camera, calibration.covariance)
+    return [*people, *uprights, *horizon, *_ticks(axes, camera), *grid]
+
+
+def people_of(calibration: Calibration) -> tuple[Segments, Bool[np.ndarray, "n"]]:
+    """The segments of a calibration (maybe none) and which of them are inliers."""
+    segments = calibration.segments
+    if segments is None:
+        segments = Segments.from_points(np.empty((0, 2)), np.empty((0, 2)))
+    used = calibration.inlier
+    return segments, np.ones(len(segments), bool) if used is None else used
+
+
+def _people(
+    axes: Axes, segments: Segments, layers: list[tuple[Bool[np.ndarray, "n"], str, str, str]]
+) -> list[Any]:
+    """Feet with thin lines to the heads; each layer is (rows, colour, marker, label)."""
+    handles: list[Any] = []
+    for rows, colour, marker, label in layers:
+        dots = thinned(rows, MAX_DOTS, len(segments))
+        lines = thinned(rows, MAX_LINES, len(segments))
+        if len(dots) == 0:
+            continue
+        pairs = np.stack([segments.foot_uv[lines], segments.head_uv[lines]], axis=1)
+        alpha = float(np.clip(60 / len(lines), 0.3, 0.9))
+        axes.add_collection(LineCollection(list(pairs), colors=colour, linewidths=0.9, alpha=alpha))
+        style.scatter(
+            axes,
+            segments.foot_uv[dots],
+            s=float(np.clip(7000 / len(segments), 9, 26)),
+            c=colour,
+            marker=marker,
+            linewidths=0.35,
+            edgecolors="white",
+            alpha=0.9,
+            zorder=4,
+        )
+        handles.insert(0, Line2D([], [], color=colour, marker=marker, ms=5, lw=0.9, label=label))
+    return handles
+
+
+def _grid(axes: Axes, camera: Camera, area: Area, avoid: Float[np.ndarray, "m k 2"]) -> list[Any]:
+    step = grid_step(area)
+    lines = grid_lines(camera, area, step)
+    axes.add_collection(
+        LineCollection([g.uv for g in lines], colors="white", linewidths=0.6, alpha=0.4, zorder=1.5)
+    )
+    across = [g for g in lines if g.axis == "y"]
+    _grid_labels(axes, across, camera.image_size, list(avoid.reshape(-1, 2)))
+    handle = Line2D([], [], color="white", lw=0.8, path_effects=style.halo(1.8))
+    handle.set_label(f"ground grid, every {step:g} m")
+    return [handle] if lines else []
+
+
+def _grid_labels(
+    axes: Axes, lines: list[GridLine], image_size: tuple[int, int], taken: list[np.ndarray]
+) -> None:
+    """Distances at the cross lines, as far left as there is room."""
+    width, height = image_size
+    shift, room = np.array([0.03 * width, -0.01 * height]), (0.05 * width, 0.035 * height)
+    for line in lines:
+        inside = line.uv[in_frame(line.uv, image_size, -0.02 * width)]
+        inside = inside[np.argsort(inside[:, 0])][: max(len(inside) // 2, 1)]
+        gaps = np.abs((inside + shift)[:, None] - np.array(taken).reshape(1, -1, 2))
+        free = np.flatnonzero(~(gaps < room).all(axis=2).any(axis=1))
+        if len(free) == 0:
+            continue
+        at = inside[free[0]]
+        taken.append(at + shift)
+        axes.annotate(
+            f"{number(line.value_m, int(line.value_m % 1 != 0))} m",
+            (at[0], at[1]),
+            xytext=(2, 1.5),
+            textcoords="offset points",
+            fontsize=style.SMALL,
+            color="white",
+            alpha=0.9,
+            path_effects=style.halo(1.6),
+            annotation_clip=True,
+        )
+
+
+def _ticks(axes: Axes, camera: Camera) -> list[Any]:
+    curves = vertical_ticks(camera)
+    effects = style.halo(1.6)
+    axes.add_collection(
+        LineCollection(
+            list(curves),
+            colors=style.TICK,
+            linewidths=0.9,
+            alpha=0.75,
+            path_effects=effects,
+            zorder=1.6,
+        )
+    )
+    nadir = nadir_pixel(camera)
+    if nadir is not None:
+        style.scatter(
+            axes, nadir[None], s=90, marker="+", c="white", lw=1.4, path_effects=style.halo()
+        )
+        axes.annotate(
+            "straight down",
+            tuple(nadir),
+            xytext=(7, 5),
+            textcoords="offset points",
+            fontsize=style.SMALL,
+            color="white",
+            path_effects=style.halo(),
+        )
+    label = "vertical direction"
+    return [Line2D([], [], ls="", marker="|", ms=9, c="white", path_effects=effects, label=label)]
+
+
+def _horizon(axes: Axes, camera: Camera, covariance: Float[np.ndarray, "5 5"] | None) -> list[Any]:
+    curve = horizon_curve(camera)
+    if not in_frame(curve, camera.image_size).any():
+        return [_unseen(camera, "horizon", style.HORIZON)]
+    if covariance is not None:
+        upper, lower = horizon_band(camera, covariance, curve)
+        whole = np.isfinite(upper).all(axis=1) & np.isfinite(lower).all(axis=1)
+        rim = np.vstack([upper[whole], lower[whole][::-1]])
+        axes.fill(*rim.T, color=style.HORIZON, alpha=0.3, lw=0, zorder=2)
+    axes.plot(*curve.T, color=style.HORIZON, lw=1.6, path_effects=style.halo(2.6), zorder=2)
+    band = covariance is not None
+    effects = style.halo(9.0 if band else 2.6, style.HORIZON if band else "#14181D")
+    label = "horizon and its 95 % band" if band else "horizon"
+    return [Line2D([], [], color="#0E9AA0", lw=1.6, path_effects=effects, label=label)]
+
+
+def _unseen(camera: Camera, name: str, colour: str) -> Line2D:
+    """The entry of a horizon that does not cross the picture."""
+    where = "above" if camera.tilt_rad > 0 else "below"
+    where = where if abs(camera.tilt_rad) < np.radians(80) else "outside"
+    label = f"{name}: {_rows_away(camera)}{where} the picture"
+    mark = {"above": "^", "below": "v"}.get(where, "o")
+    return Line2D([], [], ls="", marker=mark, ms=6, c=colour, mec="k", label=label)
+
+
+def _second_horizon(axes: Axes, network: Camera) -> list[Any]:
+    """Thin and dashed: a second opinion, not the answer."""
+    curve = horizon_curve(network)
+    if not in_frame(curve, network.image_size).any():
+        return [_unseen(network, "network's horizon", style.NETWORK)]
+    effects = style.halo(2.0)
+    look: dict[str, Any] = {
+        "color": style.NETWORK,
+        "lw": 1.1,
+        "ls": (0, (6, 4)),
+        "path_effects": effects,
+    }
+    axes.plot(*curve.T, zorder=1.9, **look)
+    return [Line2D([], [], label="network's horizon", **look)]
+
+
+def _rows_away(camera: Camera) -> str:
+    """How far beyond the picture the horizon is at mid-width ("150 px "), or an empty text."""
+    a, b, c = horizon_line(camera.K, camera.R)
+    width, height = camera.image_size
+    if not abs(b) > 1e-3:
+        return ""
+    v = -(a * (width - 1) / 2 + c) / b
+    away = -v if v < 0 else v - (height - 1)
+    return f"{away:.0f} px " if 0 < away < 5 * height else ""
+
+
+def _uprights(
+    axes: Axes, camera: Camera, xy_m: Float[np.ndarray, "n 2"], height_m: float
+) -> tuple[list[Any], Float[np.ndarray, "m k 2"]]:
+    """Draws the uprights; returns their legend and their curves."""
+    xy = xy_m[np.isfinite(xy_m).all(axis=1)]
+    xy = xy[upright_rows(camera, xy, height_m)]
+    curves = upright_curves(camera, xy, height_m)
+    effects = style.halo(3.6)
+    for at, curve in zip(xy, curves, strict=True):
+        ring = ground_circle(camera, at, 0.3)
+        axes.plot(*ring.T, color=style.UPRIGHT, lw=1.1, path_effects=style.halo(2.2), zorder=5)
+        axes.plot(*curve.T, color=style.UPRIGHT, lw=2.2, path_effects=effects, zorder=5)
+        _upright_label(axes, camera, at, curve)
+    label = f"upright of {height_m:.2f} m, and its distance"
+    handle = Line2D([], [], color=style.UPRIGHT, lw=2.2, path_effects=effects, label=label)
+    return [handle] if len(xy) else [], curves
+
+
+def _upright_label(
+    axes: Axes, camera: Camera, xy_m: Float[np.ndarray, "2"], curve: Float[np.ndarray, "k 2"]
+) -> None:
+    """The distance along the ground, beyond the head, or below the foot where that is cut off."""
+    distance = float(np.hypot(*(xy_m - camera.centre_m[:2])))
+    size = np.array(camera.image_size)
+    head, foot = curve[-1], curve[0]
+    towards = (head - foot) / max(float(np.linalg.norm(head - foot)), 1e-9)
+    fits = in_frame(
+        (head + 0.03 * size.min() * towards)[None], camera.image_size, -0.02 * size.min()
+    )
+    at, offset = (head, 10 * towards) if fits[0] else (foot, -14 * towards)
+    side = "left" if at[0] < 0.04 * size[0] else "right" if at[0] > 0.96 * size[0] else "center"
+    axes.annotate(
+        f"{distance:.0f} m" if distance >= 10 else f"{distance:.1f} m",
+        (at[0], at[1]),
+        xytext=(offset[0], -offset[1]),
+        textcoords="offset points",
+        ha=side,
+        va="center",
+        fontsize=style.NORMAL,
+        fontweight="bold",
+        color=style.UPRIGHT,
+        bbox={"boxstyle": "round,pad=0.18", "fc": style.INK, "ec": "none", "alpha": 0.72},
+        zorder=6,
+    )

@@ -1,0 +1,140 @@
+"""One quiet look for all figures: colours, sizes in points, and PNG bytes (no pyplot state)."""
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+from matplotlib import patheffects
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from scene4d.core.errors import InputError
+
+# Red and blue stay apart under every colour blindness; markers differ as well.
+INLIER, OUTLIER, SEEN = "#E0303A", "#3A8DFF", "#E69F00"
+UPRIGHT, HORIZON, TICK = "#FFC845", "#5FE3E8", "#FFFFFF"
+INK, FAINT, CANVAS = "#22272E", "#8A929C", "#414952"
+NETWORK = "#FF9BE8"
+# Okabe and Ito (2008), without the blues, which mean "outlier" here.
+TRACKS = ("#E69F00", "#009E73", "#CC79A7", "#F0E442", "#D55E00")
+BANDS = ("#FFFFCC", "#FEDD7F", "#FEAE45", "#F4622B", "#C9161D", "#6E0028")
+"""Error bands, light to dark: their order survives greyscale."""
+
+DPI = 140
+WIDTH_IN, MAX_HEIGHT_IN = 9.0, 8.2
+SMALL, NORMAL = 7.5, 9.0
+MAX_SIDE_PX = 1920
+
+
+def halo(width: float = 2.0, colour: str = "#14181D") -> list[Any]:
+    """An outline that keeps a bright line or label readable on any picture."""
+    return [patheffects.withStroke(linewidth=width, foreground=colour, alpha=0.75)]
+
+
+def figure(width_in: float, height_in: float) -> Figure:
+    """An empty white figure on its own Agg canvas."""
+    fig = Figure(figsize=(width_in, height_in), dpi=DPI, facecolor="white")
+    FigureCanvasAgg(fig)
+    return fig
+
+
+def png(fig: Figure) -> bytes:
+    """The figure as PNG; the same figure gives the same bytes."""
+    buffer = io.BytesIO()
+    fig.savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def checked_image(image_bgr: np.ndarray | None, image_size: tuple[int, int]) -> np.ndarray | None:
+    """The frame itself, or None. Raises InputError for anything but (h, w, 3) uint8 of the size."""
+    if image_bgr is None:
+        return None
+    width, height = image_size
+    if image_bgr.dtype != np.uint8 or image_bgr.shape != (height, width, 3):
+        raise InputError(
+            f"report: the background frame must be uint8 of shape {(height, width, 3)} like the "
+            f"calibrated footage, found {image_bgr.dtype} of shape {image_bgr.shape}; "
+            "pass a frame of the same video"
+        )
+    return image_bgr
+
+
+def shown(image_bgr: np.ndarray) -> np.ndarray:
+    """The frame as RGB, shrunk to at most :data:`MAX_SIDE_PX`: figures are not larger."""
+    scale = MAX_SIDE_PX / max(image_bgr.shape[:2])
+    if scale < 1:
+        image_bgr = cv2.resize(image_bgr, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return np.ascontiguousarray(image_bgr[..., ::-1])
+
+
+def picture(
+    image_bgr: np.ndarray | None,
+    image_size: tuple[int, int],
+    *,
+    grey: bool = False,
+) -> tuple[Figure, Axes, float]:
+    """A figure that shows the frame (or a plain canvas) in full above a strip for the legend.
+
+    Axes are in pixels of the footage, whatever the figure's own size; ``grey`` takes the colour
+    out of the frame, so that colours laid over it can be read. The third value is the middle of
+    the strip in inches.
+    """
+    width, height = image_size
+    scale = min(WIDTH_IN / width, MAX_HEIGHT_IN / height)
+    wide, high = width * scale, height * scale
+    strip_in = 0.7 if wide > 7 else 0.95
+    fig = figure(max(wide, 5.6), high + strip_in)
+    full_w, full_h = fig.get_size_inches()
+    left = (full_w - wide) / 2 / full_w
+    axes = fig.add_axes((left, strip_in / full_h, wide / full_w, high / full_h))
+    axes.set_axis_off()
+    extent = (-0.5, width - 0.5, height - 0.5, -0.5)
+    if image_bgr is None:
+        axes.axhspan(-0.5, height - 0.5, color=CANVAS, zorder=0)
+    else:
+        rgb = shown(image_bgr)
+        if grey:
+            rgb = np.repeat(rgb.mean(axis=2, keepdims=True), 3, axis=2).astype(np.uint8)
+        axes.imshow(rgb, extent=extent, aspect="auto", interpolation="antialiased")
+    axes.set_xlim(extent[:2])
+    axes.set_ylim(extent[2:])
+    axes.set_autoscale_on(False)
+    return fig, axes, strip_in / 2
+
+
+def legend_below(
+    fig: Figure,
+    handles: Sequence[Any],
+    middle_in: float,
+    *,
+    columns: int = 4,
+    size: float = NORMAL,
+) -> None:
+    """A legend below the picture, where it hides nothing: as many columns as fit the width.
+
+    ``middle_in`` is the height of its middle above the figure's lower edge, in inches, ``columns``
+    the most there may be, ``size`` that of the letters in points.
+    """
+    for number in range(min(columns, len(handles)), 0, -1):
+        legend = fig.legend(
+            handles=list(handles),
+            loc="center",
+            bbox_to_anchor=(0.5, middle_in / float(fig.get_size_inches()[1])),
+            ncol=number,
+            frameon=False,
+            fontsize=size,
+            labelcolor=INK,
+            handlelength=1.8,
+            columnspacing=2.0,
+        )
+        if number == 1 or legend.get_window_extent().width < 0.98 * fig.bbox.width:
+            return
+        legend.remove()
+
+
+def scatter(axes: Axes, uv: np.ndarray, **options: Any) -> None:
+    """Markers at (n, 2) points."""
+    axes.scatter(uv[:, 0], uv[:, 1], **options)

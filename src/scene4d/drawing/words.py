@@ -1,0 +1,157 @@
+"""Numbers with their uncertainty, and the verdict, in plain words."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
+from scene4d.drawing.uncertainty import Z95, field_of_view, propagated
+
+MINUS = "−"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the parameter table."""
+
+    name: str
+    value: str
+    interval: str
+    meaning: str
+
+
+def decimals(sigma: float) -> int:
+    """Decimal places that show ``sigma`` with one digit, or two when the first is 1."""
+    if not (np.isfinite(sigma) and sigma > 0):
+        return 2
+    exponent = int(np.floor(np.log10(sigma)))
+    first = round(sigma / 10.0**exponent, 6)
+    return max(0, -exponent + (first < 2))
+
+
+def number(value: float, places: int) -> str:
+    """Fixed-point text with a real minus sign, never ``-0``; spaced thousands from 10 000."""
+    text = f"{abs(value):,.{places}f}".replace(",", "\u202f" if abs(value) >= 1e4 else "")
+    negative = value < 0 and float(f"{abs(value):.{places}f}") != 0
+    return (MINUS if negative else "") + text
+
+
+def plus_minus(value: float, sigma: float | None, unit: str, places: int = 2) -> str:
+    """``7.07 ± 0.14 m``: as many digits as ``sigma`` allows; ``places`` where none is known."""
+    gap = "" if unit == "°" else "\u00a0"
+    if sigma is None or not np.isfinite(sigma):
+        return f"{number(value, places)}{gap}{unit}"
+    if sigma == 0:
+        return f"{number(value, places)}{gap}{unit} (given)"
+    n = decimals(sigma)
+    if unit == "°":
+        return f"{number(value, n)}° ± {number(sigma, n)}°"
+    return f"{number(value, n)} ± {number(sigma, n)}{gap}{unit}".rstrip("\u00a0")
+
+
+def verdict(calibration: Calibration) -> str:
+    """One sentence that says what came out."""
+    camera = calibration.camera
+    if not calibration or camera is None:
+        reason = (calibration.reason or "no reason was recorded").strip().rstrip(".")
+        return f"No camera found: {reason}."
+    sigma = calibration.sigma
+    tilt = float(np.degrees(camera.tilt_rad))
+    look = "down" if tilt >= 0 else "up"
+    height = plus_minus(camera.height_m, sigma.get("height_m"), "m")
+    angle = plus_minus(abs(tilt), sigma.get("tilt_deg"), "°")
+    text = f"Camera found: {height} above the ground, looking {angle} {look}"
+    median = (calibration.ground_error_m or {}).get("median")
+    if median is None or not np.isfinite(median):
+        return text + "."
+    return text + f"; positions on the ground are good to about {rounded_m(median)} (median)."
+
+
+def rounded_m(metres: float) -> str:
+    """Metres with the digits a person wants: ``0.36 m``, ``4.2 m``, ``31 m``."""
+    places = 2 if metres < 0.995 else 1 if metres < 9.95 else 0
+    return f"{number(metres, places)}\u00a0m"
+
+
+def k1_sigma(camera: Camera, covariance: Float[np.ndarray, "5 5"]) -> float:
+    """Standard deviation of k1, from those of the focal length and of the corner's displacement.
+
+    With D the displacement, ``k1 = D (f / half diagonal)²``: see ``model.PARAMETERS``.
+    """
+    k1 = float(camera.distortion[0])
+    by_corner = float((2 * camera.K[0, 0] / np.hypot(*camera.image_size)) ** 2)
+    gradient = np.array([2 * k1, 0.0, 0.0, 0.0, by_corner])
+    return float(np.sqrt(gradient @ covariance @ gradient)) if covariance[4, 4] > 0 else 0.0
+
+
+def parameter_rows(calibration: Calibration) -> list[Row]:
+    """The parameter table: value ± one standard deviation, and the 95 % interval."""
+    camera = calibration.camera
+    if camera is None:
+        return []
+    s, C = calibration.sigma, calibration.covariance
+    tilt, roll = float(np.degrees(camera.tilt_rad)), float(np.degrees(camera.roll_rad))
+    rows = [
+        _log_row("Height", camera.height_m, s.get("height_m"), "m", "camera above the ground"),
+        _row("Tilt", tilt, s.get("tilt_deg"), "°", "optical axis below the horizon"),
+        _row("Roll", roll, s.get("roll_deg"), "°", "positive: the horizon falls to the right"),
+        _log_row(
+            "Focal length", camera.focal_px, s.get("focal_px"), "px", "in pixels of the footage", 0
+        ),
+    ]
+    rows += _view_rows(camera, C)
+    if np.any(camera.distortion):
+        sigma = None if C is None else k1_sigma(camera, C)
+        meaning = "radial coefficient k₁; negative is barrel distortion"
+        rows.append(_row("Distortion", float(camera.distortion[0]), sigma, "", meaning, 3))
+        names = ("k2", "p1", "p2", "k3")
+        rest = ", ".join(
+            f"{n} = {number(float(x), 4)}"
+            for n, x in zip(names, camera.distortion[1:], strict=True)
+            if x
+        )
+        if rest:
+            rows.append(Row("Further coefficients", rest, "", "OpenCV's lens model"))
+    return rows
+
+
+def _view_rows(camera: Camera, covariance: np.ndarray | None) -> list[Row]:
+    value = np.degrees(field_of_view(camera))
+    sigma: list[float | None] = [None, None]
+    if covariance is not None:
+        sigma = [float(x) for x in np.degrees(propagated(camera, covariance, field_of_view))]
+    names = ("Field of view, horizontal", "Field of view, vertical")
+    meanings = ("angle across the frame's middle row", "angle down the frame's middle column")
+    return [
+        _row(name, float(x), s, "°", meaning, 1)
+        for name, x, s, meaning in zip(names, value, sigma, meanings, strict=True)
+        if np.isfinite(x)
+    ]
+
+
+def _row(
+    name: str, value: float, sigma: float | None, unit: str, meaning: str, places: int = 2
+) -> Row:
+    interval = ""
+    if sigma is not None and np.isfinite(sigma) and sigma > 0:
+        interval = _interval(value - Z95 * sigma, value + Z95 * sigma, sigma, unit)
+    return Row(name, plus_minus(value, sigma, unit, places), interval, meaning)
+
+
+def _log_row(
+    name: str, value: float, sigma: float | None, unit: str, meaning: str, places: int = 2
+) -> Row:
+    """A positive quantity, whose logarithm is Gaussian: its interval is not symmetric."""
+    interval = ""
+    if sigma is not None and np.isfinite(sigma) and sigma > 0:
+        factor = float(np.exp(Z95 * sigma / value))
+        interval = _interval(value / factor, value * factor, sigma, unit)
+    return Row(name, plus_minus(value, sigma, unit, places), interval, meaning)
+
+
+def _interval(low: float, high: float, sigma: float, unit: str) -> str:
+    n = decimals(sigma)
+    gap = "" if unit == "°" else "\u00a0"
+    return f"{number(low, n)} to {number(high, n)}{gap}{unit}".rstrip("\u00a0")

@@ -1,0 +1,118 @@
+"""What a search is compared with: the same activities in pixels, and P(near) alone."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from scene4d.core.errors import InputError
+from scene4d.searching.activities.definition import Activity, Phase
+from scene4d.searching.predicates.rows import Stage
+from scene4d.searching.predicates.turning import window
+
+NEAR = "near"
+WINDOW_S = 1.0
+"""Velocities in the picture come from a straight line through so much of a track."""
+NOISE_SHARE = 0.02
+"""How far the foot of a box is off, as a share of the box's height."""
+SLOW_SIGMAS = 3.0
+"""What moves by less than so many standard deviations has no heading of its own."""
+
+
+def near_alone(activity: Activity) -> Activity | None:
+    """The activity without any predicate but ``near``, in the phases that have it.
+
+    They last as long as they like, and at least as long as they must; the pause before a phase
+    grows by what is left out between. None where nothing is said of a distance.
+    """
+    kept: list[Phase] = []
+    gap_s = 0.0
+    for phase in activity.phases:
+        terms = tuple(t for t in phase.terms if t.predicate == NEAR and not t.negated)
+        gap_s += phase.gap_s
+        if terms:
+            gap_s = gap_s if kept else 0.0
+            kept.append(replace(phase, terms=terms, max_s=float("inf"), gap_s=gap_s))
+            gap_s = 0.0
+        else:
+            gap_s += phase.max_s
+    if not kept:
+        return None
+    return replace(activity, phases=tuple(kept), relations=())
+
+
+def in_pixels(stage: Stage, metres_per_px: float) -> Stage:
+    """The stage as if the picture were the ground: x to the right, y up, feet of the boxes.
+
+    One factor for all pictures makes metres of pixels, so that the same activities can be searched
+    for. Velocities are slopes over :data:`WINDOW_S`, headings those of the motion (the last one
+    where somebody stands), errors :data:`NOISE_SHARE` of the box. Where nobody was seen all is NaN.
+    Raises :class:`InputError` where the factor is not positive.
+    """
+    if not metres_per_px > 0:
+        raise InputError(f"metres_per_px must be positive, found {metres_per_px}")
+    tracks = stage.tracks
+    box = tracks.box_xyxy
+    xy = np.column_stack([(box[:, 0] + box[:, 2]) / 2, -box[:, 3]]) * metres_per_px
+    variance = (NOISE_SHARE * metres_per_px * (box[:, 3] - box[:, 1])) ** 2
+    velocity, spread = _slopes(stage, xy)
+    own = variance[:, None, None] * np.eye(2)
+    moved = replace(
+        tracks,
+        xy_m=xy,
+        covariance_m2=own,
+        shared_covariance_m2=np.zeros_like(own),
+        velocity_mps=velocity,
+        velocity_covariance=own * spread[:, None, None],
+        **_headings(velocity, np.sqrt(variance * spread), stage.track_of_row),
+    )
+    return replace(stage, tracks=moved, camera_factor=None, camera=None)
+
+
+def _slopes(
+    stage: Stage, xy: Float[np.ndarray, "n 2"]
+) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"]]:
+    """Slope of a straight line through the rows of the same track within half a window, and its
+    variance for positions of variance 1; NaN where that is one row.
+    """
+    early, late = window(stage, np.arange(len(xy)), WINDOW_S / 2)
+    begin, end = early, late + 1
+    origin = stage.first_row[stage.track_of_row]
+    time_s = stage.tracks.time_s
+    seen = np.isfinite(xy).all(axis=1)
+    t = np.where(seen, time_s - time_s[origin], 0.0)
+    p = np.where(seen[:, None], xy - np.nan_to_num(xy[origin]), 0.0)
+
+    def total(values: np.ndarray) -> np.ndarray:
+        sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+        return np.asarray(sums[end] - sums[begin])
+
+    count, sum_t, sum_tt = total(np.column_stack([seen, t, t * t])).T
+    sum_p, sum_tp = total(p), total(t[:, None] * p)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        middle = sum_t / count
+        spread = sum_tt - count * middle**2
+        slope = (sum_tp - middle[:, None] * sum_p) / spread[:, None]
+        variance = 1 / spread
+    known = seen & (count > 1) & (spread > 1e-9)
+    return np.where(known[:, None], slope, np.nan), np.where(known, variance, np.nan)
+
+
+def _headings(
+    velocity: Float[np.ndarray, "n 2"], sigma: Float[np.ndarray, "n"], track: Int[np.ndarray, "n"]
+) -> dict[str, np.ndarray]:
+    """Heading of the motion, of the last motion where there is none, else of the next."""
+    speed = np.hypot(*velocity.T)
+    moving = np.flatnonzero(speed > SLOW_SIGMAS * sigma)
+    heading, heading_sigma = np.full((2, len(track)), np.nan)
+    if len(moving):
+        last = np.searchsorted(moving, np.arange(len(track)), side="right") - 1
+        before = moving[np.maximum(last, 0)]
+        after = moving[np.minimum(last + 1, len(moving) - 1)]
+        held = (last >= 0) & (track[before] == track)
+        source = np.where(held, before, after)
+        known = track[source] == track
+        rows = source[known]
+        heading[known] = np.arctan2(velocity[rows, 1], velocity[rows, 0])
+        heading_sigma[known] = sigma[rows] / speed[rows]
+    return {"heading_rad": heading, "heading_sigma_rad": heading_sigma}

@@ -1,0 +1,144 @@
+"""The page of an evaluation of activity search: what was found, and what must be said beside it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from scene4d.drawing.page import Shown, data_uri, rendered, seconds_text
+from scene4d.drawing.words import number
+from scene4d.evaluation.activity_evaluation import FALSE_PER_MINUTE, ActivityEvaluation
+
+NONE = "–"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A number under its column; ``best`` of its kind in the line."""
+
+    label: str
+    text: str
+    best: bool = False
+
+
+@dataclass(frozen=True)
+class Line:
+    """One activity; the cells go by measure, and within it by method."""
+
+    activity: str
+    names: str
+    labelled: str
+    cells: tuple[Cell, ...]
+
+
+def measures() -> tuple[str, ...]:
+    """Headings of the groups of columns."""
+    return (
+        "average precision",
+        *(f"missed at {rate:g} false alarms a minute" for rate in FALSE_PER_MINUTE),
+    )
+
+
+def lines(evaluation: ActivityEvaluation) -> list[Line]:
+    """The table: activities that are labelled, then the mean."""
+    made = []
+    for name, names in evaluation.activities.items():
+        if not evaluation.labels[name]:
+            continue
+        outcomes = [evaluation.of(method.name, name) for method in evaluation.methods]
+        groups = [[outcome.average_precision for outcome in outcomes]]
+        groups += [[outcome.missed_at(rate) for outcome in outcomes] for rate in FALSE_PER_MINUTE]
+        known = ", ".join(n for n in names if n != name)
+        cells = _cells(evaluation, groups)
+        made.append(Line(name.replace("_", " "), known, str(evaluation.labels[name]), cells))
+    means = [[evaluation.mean_average_precision(method.name) for method in evaluation.methods]]
+    made.append(Line("mean", "", "", _cells(evaluation, means)))
+    return made
+
+
+def _cells(evaluation: ActivityEvaluation, groups: list[list[float | None]]) -> tuple[Cell, ...]:
+    cells = []
+    for k, measure in enumerate(measures()):
+        values = groups[k] if k < len(groups) else [None] * len(evaluation.methods)
+        known = [value for value in values if value is not None]
+        best = (max(known) if k == 0 else min(known)) if len(set(known)) > 1 else None
+        for method, value in zip(evaluation.methods, values, strict=True):
+            text = NONE if value is None else number(value, 2)
+            cells.append(
+                Cell(f"{measure}, {method.name}", text, value is not None and value == best)
+            )
+    return tuple(cells)
+
+
+def verdict(evaluation: ActivityEvaluation) -> str:
+    """How ours compares with the baselines, in one sentence."""
+    ours, *others = evaluation.methods
+    mean = evaluation.mean_average_precision(ours.name)
+    if mean is None:
+        return "Nothing is labelled that the catalogue knows."
+    everything = _looked_for(evaluation, ours.name)
+    text = f"Mean average precision {number(mean, 2)} over {everything} activities"
+    beside = []
+    for method in others:
+        mean = evaluation.mean_average_precision(method.name)
+        count = _looked_for(evaluation, method.name)
+        if mean is not None:
+            of = "" if count == everything else f" over the {count} that it can look for"
+            beside.append(f"{number(mean, 2)} by {method.name}{of}")
+    return f"{'; '.join([text, *beside])}."
+
+
+def _looked_for(evaluation: ActivityEvaluation, method: str) -> int:
+    found = [evaluation.of(method, name).average_precision for name in evaluation.activities]
+    return sum(value is not None for value in found)
+
+
+def render_activities(
+    evaluation: ActivityEvaluation,
+    pictures: Mapping[str, bytes],
+    *,
+    command: str | None,
+    version: str | None,
+) -> str:
+    """The page as HTML, with the ``pictures`` (``det``) inside it."""
+    figures = {
+        name: Shown(
+            name,
+            data_uri(png),
+            "DET curves of every activity, one panel each, for all methods.",
+            "Share of the labelled events that is missed, over false alarms per minute of footage "
+            "(logarithmic), as the least score that counts falls; in brackets how many are "
+            "labelled. Broken vertical lines: "
+            + " and ".join(f"{rate:g}" for rate in sorted(FALSE_PER_MINUTE))
+            + " a minute. Where a curve stays level at its end nothing more was found.",
+        )
+        for name, png in pictures.items()
+    }
+    values: dict[str, Any] = {
+        "title": f"{evaluation.name.upper()}: activities on cameras "
+        f"{' and '.join(evaluation.reported)}",
+        "verdict": verdict(evaluation),
+        "methods": evaluation.methods,
+        "measures": measures(),
+        "lines": lines(evaluation),
+        "notes": evaluation.notes,
+        "figures": figures,
+        "provenance": _provenance(evaluation, command, version),
+        "timings": [(name, seconds_text(s)) for name, s in evaluation.timings.items()],
+    }
+    return rendered("scene4d.evaluation.pages", "activities.html.j2", values)
+
+
+def _provenance(
+    evaluation: ActivityEvaluation, command: str | None, version: str | None
+) -> list[tuple[str, str]]:
+    rows = [
+        ("Data set", evaluation.name),
+        ("Cameras reported", ", ".join(evaluation.reported)),
+        ("Cameras tuned on", ", ".join(evaluation.tuned)),
+        ("Clips", f"{evaluation.clips}, {number(evaluation.minutes, 0)} minutes"),
+    ]
+    if version is not None:
+        rows.append(("scene4d", version))
+    if command is not None:
+        rows.append(("Command", command))
+    return rows

@@ -1,0 +1,89 @@
+"""Which outcomes the figures and the first paragraph show, by a rule blind to the scores."""
+
+from dataclasses import dataclass
+
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
+from scene4d.core.people import PERSON_HEIGHT_M
+from scene4d.evaluation import CorrespondenceError, Evaluation, Outcome, Setting
+
+_WANTED_M = {"paper": 1.7018}
+_NAMES = {
+    "paper": "the paper’s method",
+    "joint": "the joint method",
+    "given": "the given camera",
+}
+# Okabe and Ito (2008); the markers differ as well.
+_LOOKS = {"paper": ("#D55E00", "X"), "joint": ("#0072B2", "o")}
+_OTHER = ("#009E73", "D")
+RULE = (
+    "For each method the figures show one line of the table: for the paper’s method the first that "
+    "was told the true orientation, at 1.7018 m as in its ROC figure; for the joint method the "
+    "first that was told nothing, at 1.70 m, which rests on what was seen of people alone; where "
+    "these have no result, the first line of the method that has one. Circular lines are never "
+    "shown. The rule does not look at the scores."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Headline:
+    """The outcome that stands for a method, with the look that it has in every figure."""
+
+    method: str
+    outcome: Outcome
+    calibration: Calibration
+    camera: Camera
+    error: CorrespondenceError
+    colour: str
+    marker: str
+
+    @property
+    def name(self) -> str:
+        """The method in words, for the middle of a sentence."""
+        return _NAMES.get(self.method, self.method)
+
+    @property
+    def ground_figure(self) -> str:
+        """Name of the figure that shows the method's ground."""
+        return f"ground_{self.method}" if self.method in _LOOKS else "ground_other"
+
+    @property
+    def setting(self) -> Setting:
+        """The line of the table."""
+        return self.outcome.setting
+
+
+def headlines(evaluation: Evaluation) -> tuple[Headline, ...]:
+    """One outcome per method by :data:`RULE`: the paper's first, then the joint one, then others.
+
+    A method without a result has none; of the other methods the first alone is taken.
+    """
+    others = [s.method for s in evaluation.settings() if s.method not in _LOOKS]
+    found = []
+    for method in [*_LOOKS, *others[:1]]:
+        results = _results(evaluation, method)
+        if results:
+            chosen = next((o for o in results if o.setting.headline), results[0])
+            found.append(_headline(method, chosen, _LOOKS.get(method, _OTHER)))
+    return tuple(found)
+
+
+def at_height(outcomes: list[Outcome], height_m: float) -> Outcome:
+    """Of the outcomes of one line the one that assumes the mean height nearest to ``height_m``."""
+    return min(outcomes, key=lambda outcome: abs(outcome.person_height_m - height_m))
+
+
+def _results(evaluation: Evaluation, method: str) -> list[Outcome]:
+    """The lines of a method that count, at its height, in the order of the table."""
+    wanted = _WANTED_M.get(method, PERSON_HEIGHT_M)
+    lines = [s for s in evaluation.settings() if s.method == method and not s.circular]
+    outcomes = [at_height(evaluation.of(setting), wanted) for setting in lines]
+    return [outcome for outcome in outcomes if outcome.error is not None]
+
+
+def _headline(method: str, outcome: Outcome, look: tuple[str, str]) -> Headline:
+    found, error = outcome.calibration, outcome.error
+    assert found is not None
+    assert found.camera is not None
+    assert error is not None
+    return Headline(method, outcome, found, found.camera, error, *look)

@@ -1,6 +1,0 @@
-"""``track``: from the footage of a calibrated camera to a scene on disk."""
-
-from scene4d.pipeline.tracking.options import TrackOptions, TrackRun
-from scene4d.pipeline.tracking.running import track_scene
-
-__all__ = ["TrackOptions", "TrackRun", "track_scene"]

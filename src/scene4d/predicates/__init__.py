@@ -1,7 +1,0 @@
-"""Probabilities of what happens in space and time; pure functions of arrays."""
-
-from scene4d.predicates.distance import NEAR_SIGMA_M, NEAR_TAU_M, near_probability
-from scene4d.predicates.pairs import near_pairs
-from scene4d.predicates.rows import Rows, Stage
-
-__all__ = ["NEAR_SIGMA_M", "NEAR_TAU_M", "Rows", "Stage", "near_pairs", "near_probability"]

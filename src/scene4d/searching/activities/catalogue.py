@@ -1,0 +1,223 @@
+"""Catalogues of activities: YAML, read strictly, with the line of whatever is wrong."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib import resources
+from pathlib import Path
+from typing import TypeVar
+
+import yaml
+
+from scene4d.core.errors import InputError
+from scene4d.searching.activities.checking import (
+    check_activity,
+    check_durations,
+    check_names,
+    check_relation,
+    check_role,
+)
+from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
+from scene4d.searching.activities.known import PREDICATES
+from scene4d.searching.activities.terms import check_term, nearest, parse_term
+from scene4d.searching.predicates.registry import Predicate
+
+_ACTIVITY = ("description", "phrases", "labels", "roles", "phases", "relations")
+_PHASE = ("name", "lasts", "gap", "holds")
+_BUILT_IN = "catalogue.yaml"
+T = TypeVar("T")
+
+
+def load_catalogue(
+    *paths: str | os.PathLike[str],
+    built_in: bool = True,
+    predicates: Mapping[str, Predicate] = PREDICATES,
+) -> dict[str, Activity]:
+    """The activities that come with the package, and those of the given files, by name.
+
+    Raises :class:`InputError` with file and line for what is no YAML, keys, predicates, roles,
+    classes, parameters and relations that do not exist (naming the nearest), impossible durations,
+    and a name or a phrase that two activities share.
+    """
+    found: dict[str, Activity] = {}
+    phrases: dict[str, str] = {}
+    sources = [(Path(path).name, _read(Path(path))) for path in paths]
+    if built_in:
+        text = resources.files(__package__).joinpath(_BUILT_IN).read_text("utf-8")
+        sources.insert(0, (_BUILT_IN, text))
+    for name, text in sources:
+        for activity, place in _Reader(name, predicates).activities(text):
+            with place():
+                if activity.name in found:
+                    raise InputError(f"the activity {activity.name!r} exists already")
+                for phrase in activity.phrases:
+                    other = phrases.setdefault(phrase.casefold(), activity.name)
+                    if other != activity.name:
+                        raise InputError(f"the phrase {phrase!r} already means {other!r}")
+            found[activity.name] = activity
+    return found
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text("utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read: {error}") from None
+
+
+class _Reader:
+    """One file's nodes as activities; every complaint carries the line of its node."""
+
+    def __init__(self, name: str, predicates: Mapping[str, Predicate]) -> None:
+        self._name = name
+        self._predicates = predicates
+
+    def activities(self, text: str) -> Iterator[tuple[Activity, Callable]]:
+        """The activities of the file, each with a context that names its place."""
+        try:
+            root = yaml.compose(text, Loader=yaml.SafeLoader)
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            line = f", line {mark.line + 1}" if mark else ""
+            raise InputError(f"{self._name}{line}: no YAML: {error.problem}") from None
+        except (yaml.YAMLError, RecursionError) as error:
+            raise InputError(f"{self._name}: no YAML: {error}") from None
+        if root is None:
+            raise InputError(f"{self._name}: is empty, expected activities:")
+        top = self._mapping(root, ("activities", "classes"))
+        if "classes" in top:
+            for node in self._mapping(top["classes"], None).values():
+                self._words(node)
+        if "activities" not in top:
+            raise InputError(f"{self._name}, line 1: no activities:")
+        for name, node in self._mapping(top["activities"], None).items():
+            yield self._activity(name, node), lambda node=node: self._at(node)
+
+    def _activity(self, name: str, node: yaml.Node) -> Activity:
+        given = self._mapping(node, _ACTIVITY)
+        for needed in ("roles", "phases"):
+            if needed not in given:
+                with self._at(node):
+                    raise InputError(f"activity {name!r}: {needed} is missing")
+        roles = tuple(
+            self._checked(value, Role(key, self._words(value)), check_role)
+            for key, value in self._mapping(given["roles"], None).items()
+        )
+        names = tuple(role.name for role in roles)
+        phases = tuple(self._phase(value, names) for value in self._items(given["phases"]))
+        with self._at(node):
+            check_names("phase", [phase.name for phase in phases])
+        relations = (
+            tuple(
+                self._relation(value, [phase.name for phase in phases])
+                for value in self._items(given["relations"])
+            )
+            if "relations" in given
+            else ()
+        )
+        activity = Activity(
+            name,
+            roles,
+            phases,
+            relations,
+            self._words(given["phrases"]) if "phrases" in given else (),
+            self._words(given["labels"]) if "labels" in given else (),
+            self._text(given["description"]) if "description" in given else "",
+        )
+        return self._checked(node, activity, lambda a: check_activity(a, self._predicates))
+
+    def _phase(self, node: yaml.Node, roles: tuple[str, ...]) -> Phase:
+        given = self._mapping(node, _PHASE)
+        for needed in ("name", "holds"):
+            if needed not in given:
+                with self._at(node):
+                    raise InputError(f"phase: {needed} is missing")
+        shortest, longest = 0.0, float("inf")
+        if "lasts" in given:
+            lasts = [self._number(value) for value in self._items(given["lasts"])]
+            if len(lasts) != 2:
+                with self._at(given["lasts"]):
+                    raise InputError(f"lasts: {len(lasts)} numbers, expected [shortest, longest]")
+            shortest, longest = lasts
+        gap = self._number(given["gap"]) if "gap" in given else 0.0
+        terms = tuple(self._term(value, roles) for value in self._items(given["holds"]))
+        phase = Phase(self._text(given["name"]), terms, shortest, longest, gap)
+        place = "lasts" if gap >= 0 else "gap"
+        return self._checked(given.get(place, node), phase, check_durations)
+
+    def _term(self, node: yaml.Node, roles: tuple[str, ...]) -> Term:
+        with self._at(node):
+            term = parse_term(self._text(node), self._predicates)
+            check_term(term, roles, self._predicates)
+        return term
+
+    def _relation(self, node: yaml.Node, phases: Sequence[str]) -> Relation:
+        words = [self._text(value) for value in self._items(node)]
+        with self._at(node):
+            if len(words) != 3:
+                raise InputError("relation: expected [phase, relation, phase]")
+            relation = Relation(*words)
+            check_relation(relation, phases)
+        return relation
+
+    @contextmanager
+    def _at(self, node: yaml.Node) -> Iterator[None]:
+        """Whatever is raised within names the node's line."""
+        try:
+            yield
+        except InputError as error:
+            line = node.start_mark.line + 1
+            raise InputError(f"{self._name}, line {line}: {error}") from None
+
+    def _checked(self, node: yaml.Node, value: T, check: Callable[[T], None]) -> T:
+        with self._at(node):
+            check(value)
+        return value
+
+    def _mapping(self, node: yaml.Node, keys: tuple[str, ...] | None) -> dict[str, yaml.Node]:
+        """Keys and values; only these keys, and each once."""
+        with self._at(node):
+            if not isinstance(node, yaml.MappingNode):
+                raise InputError(f"expected key: value, found {_kind(node)}")
+        found: dict[str, yaml.Node] = {}
+        for key_node, value in node.value:
+            key = self._text(key_node)
+            with self._at(key_node):
+                if keys is not None and key not in keys:
+                    raise InputError(f"unknown key {key!r}{nearest(key, keys)}")
+                if key in found:
+                    raise InputError(f"the key {key!r} is there twice")
+            found[key] = value
+        return found
+
+    def _items(self, node: yaml.Node) -> list[yaml.Node]:
+        with self._at(node):
+            if not isinstance(node, yaml.SequenceNode):
+                raise InputError(f"expected a list, found {_kind(node)}")
+        return node.value
+
+    def _words(self, node: yaml.Node) -> tuple[str, ...]:
+        """A list of words, or one word."""
+        if isinstance(node, yaml.ScalarNode):
+            return (self._text(node),)
+        return tuple(self._text(item) for item in self._items(node))
+
+    def _text(self, node: yaml.Node) -> str:
+        with self._at(node):
+            if not isinstance(node, yaml.ScalarNode) or not node.value.strip():
+                raise InputError(f"expected a word, found {_kind(node)}")
+        return node.value
+
+    def _number(self, node: yaml.Node) -> float:
+        text = self._text(node)
+        with self._at(node):
+            try:
+                return float(text.replace(".inf", "inf").replace(".nan", "nan"))
+            except ValueError:
+                raise InputError(f"expected a number of seconds, found {text!r}") from None
+
+
+def _kind(node: yaml.Node) -> str:
+    if isinstance(node, yaml.MappingNode):
+        return "key: value"
+    return "a list" if isinstance(node, yaml.SequenceNode) else repr(node.value)

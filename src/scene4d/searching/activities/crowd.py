@@ -1,0 +1,84 @@
+"""How many stand together: a predicate over everybody at a moment."""
+
+import weakref
+
+import numpy as np
+from jaxtyping import Float
+
+from scene4d.searching.activities.meeting import BOUND_SIGMA, Clock, meetings
+from scene4d.searching.predicates.distance import near_probability
+from scene4d.searching.predicates.rows import Rows, Stage
+
+SOFTNESS_M = 0.5
+"""How vague a crowd's radius is."""
+_CLOCKS: "weakref.WeakKeyDictionary[Stage, Clock]" = weakref.WeakKeyDictionary()
+
+
+def crowded(a: Rows, *, count: float, radius_m: float) -> Float[np.ndarray, "m"]:
+    """Probability that at least ``count`` of a's kind, a among them, are within ``radius_m`` of a.
+
+    Each of the others is within with P(near), independently; the number of them is then
+    Poisson-binomial, and its tail is summed exactly. Metres; NaN where a has no position.
+    """
+    stage = a.stage
+    clock = clock_of(stage)
+    kind = stage.tracks.class_name
+    mine = np.unique(a.index[clock.used[a.index]])
+    others = np.flatnonzero(np.isin(kind, np.unique(kind[mine])) & clock.used)
+    # Wide enough for every spread: the boxes grow by the positions' own.
+    reach = radius_m + BOUND_SIGMA * SOFTNESS_M
+    row_a, row_b = meetings(clock, mine, others, reach_m=reach)
+    same = kind[row_a] == kind[row_b]
+    row_a, row_b = row_a[same], row_b[same]
+    p = _within(stage, row_a, row_b, radius_m)
+    tail = _tail(np.searchsorted(mine, row_a), p, len(mine), round(count) - 1)
+    tail[~np.isfinite(stage.tracks.xy_m[mine]).all(axis=1)] = np.nan
+    return tail[np.searchsorted(mine, a.index)]
+
+
+def clock_of(stage: Stage) -> Clock:
+    """The stage's clock, made once."""
+    if stage not in _CLOCKS:
+        _CLOCKS[stage] = Clock(stage)
+    return _CLOCKS[stage]
+
+
+def _within(
+    stage: Stage, row_a: np.ndarray, row_b: np.ndarray, radius_m: float
+) -> Float[np.ndarray, "p"]:
+    tracks = stage.tracks
+    apart = tracks.xy_m[row_a] - tracks.xy_m[row_b]
+    distance = np.linalg.norm(apart, axis=1)
+    along = apart / np.maximum(distance, 1e-9)[:, None]
+    both = tracks.covariance_m2[row_a] + tracks.covariance_m2[row_b]
+    variance = np.einsum("ni,nij,nj->n", along, both, along)
+    p = near_probability(
+        distance,
+        tau_m=float(radius_m),
+        sigma_m=SOFTNESS_M,
+        distance_sigma_m=np.sqrt(np.maximum(variance, 0.0)),
+    )
+    return np.nan_to_num(p)
+
+
+def _tail(
+    owner: np.ndarray, p: Float[np.ndarray, "p"], n: int, least: int
+) -> Float[np.ndarray, "n"]:
+    """P(at least ``least`` of each owner's independent events happen)."""
+    if least <= 0:
+        return np.ones(n)
+    order = np.argsort(owner, kind="stable")
+    owner, p = owner[order], p[order]
+    rank = np.arange(len(owner)) - np.searchsorted(owner, owner)
+    # Column k: exactly k happened so far; the last: enough did.
+    chance = np.zeros((n, least + 1))
+    chance[:, 0] = 1.0
+    for turn in range(int(rank.max(initial=-1)) + 1):
+        now = rank == turn
+        row, q = owner[now], p[now][:, None]
+        old = chance[row]
+        new = old * (1 - q)
+        new[:, 1:] += old[:, :-1] * q
+        new[:, -1] += old[:, -1] * q[:, 0]
+        chance[row] = new
+    return np.minimum(chance[:, -1], 1.0)

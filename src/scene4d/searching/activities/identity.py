@@ -1,0 +1,106 @@
+"""One object under two numbers: tracks whose boxes coincide, or take up where another ended."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from scene4d.searching.activities.crowd import clock_of
+from scene4d.searching.activities.meeting import meetings
+from scene4d.searching.activities.ragged import runs
+from scene4d.searching.predicates.rows import Factors, Stage
+
+SAME_BOX = 0.6
+"""Overlap (intersection over union) of two boxes from which they are around one thing."""
+SAME_SHARE = 0.7
+"""Share of two tracks' common moments at which their boxes must be."""
+RESUMED_S = 1.0
+"""Longest time after which a track may be taken up by another."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Some:
+    """Factors of some rows of others, asked for only when they are."""
+
+    of_all: Factors
+    rows: Int[np.ndarray, "n"]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, at: Int[np.ndarray, "m"]) -> Float[np.ndarray, "m 2 k"]:
+        return self.of_all[self.rows[at]]
+
+
+def unite_tracks(stage: Stage) -> Stage:
+    """The stage with one track for each object that has several.
+
+    Two tracks of one class are one object where their boxes coincide at most of their common
+    moments, or where one begins within :data:`RESUMED_S` in the box in which the other ended.
+    A united track has the smallest number of its parts, and at each moment the row of the part that
+    has most rows. Annotations that draw an actor anew for every activity need this.
+    """
+    if len(stage.tracks) == 0:
+        return stage
+    pairs = np.vstack([_coinciding(stage), _resumed(stage)])
+    n = len(stage.first_row)
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    group = connected_components(links, directed=False)[1]
+    if group.max() + 1 == n:
+        return stage
+    number = stage.tracks.track[stage.first_row]
+    least = np.full(group.max() + 1, np.iinfo(np.int64).max)
+    np.minimum.at(least, group, number)
+    length = stage.last_row - stage.first_row + 1
+    of = stage.track_of_row
+    tick = clock_of(stage).tick
+    order = np.lexsort((of, -length[of], tick, least[group][of]))
+    order = order[runs(least[group][of][order], tick[order])]
+    tracks = replace(stage.tracks.select(order), track=least[group][of][order])
+    factors = None if stage.camera_factor is None else _Some(stage.camera_factor, order)
+    return replace(stage, tracks=tracks, camera_factor=factors)
+
+
+def _coinciding(stage: Stage) -> Int[np.ndarray, "p 2"]:
+    """Pairs of tracks whose boxes coincide."""
+    clock = clock_of(stage)
+    everybody = np.flatnonzero(clock.used)
+    a, b = meetings(clock, everybody, everybody, reach_m=3.0)
+    kind, of = stage.tracks.class_name, stage.track_of_row
+    keep = (of[a] < of[b]) & (kind[a] == kind[b])
+    a, b = a[keep], b[keep]
+    if len(a) == 0:
+        return np.zeros((0, 2), np.int64)
+    same = _overlap(stage.tracks.box_xyxy[a], stage.tracks.box_xyxy[b]) >= SAME_BOX
+    first = runs(of[a], of[b])
+    share = np.add.reduceat(same.astype(float), first) / np.diff(np.append(first, len(a)))
+    hit = first[share >= SAME_SHARE]
+    return np.column_stack([of[a[hit]], of[b[hit]]])
+
+
+def _resumed(stage: Stage) -> Int[np.ndarray, "p 2"]:
+    """Pairs of tracks of which the second begins where and when the first ended."""
+    end, begin = stage.last_row, stage.first_row
+    tracks = stage.tracks
+    order = np.argsort(tracks.time_s[begin], kind="stable")
+    starts = tracks.time_s[begin][order]
+    low = np.searchsorted(starts, tracks.time_s[end], side="right")
+    high = np.searchsorted(starts, tracks.time_s[end] + RESUMED_S, side="right")
+    first = np.repeat(np.arange(len(end)), high - low)
+    position = np.arange(len(first)) - np.repeat(np.cumsum(high - low) - (high - low), high - low)
+    second = order[low[first] + position]
+    same = tracks.class_name[end[first]] == tracks.class_name[begin[second]]
+    near = _overlap(tracks.box_xyxy[end[first]], tracks.box_xyxy[begin[second]]) >= SAME_BOX
+    keep = same & near & (first != second)
+    return np.column_stack([first[keep], second[keep]])
+
+
+def _overlap(a: Float[np.ndarray, "n 4"], b: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n"]:
+    """Intersection over union; 0 where a box is not known."""
+    side = np.maximum(np.minimum(a[:, 2:], b[:, 2:]) - np.maximum(a[:, :2], b[:, :2]), 0)
+    both = side.prod(axis=1)
+    union = sum((box[:, 2:] - box[:, :2]).prod(axis=1) for box in (a, b)) - both
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.nan_to_num(both / union)

@@ -1,0 +1,273 @@
+"""Which moments of two kinds of objects come close: by time first, then by place, never all pairs.
+
+Tracks are cut at common times into pieces of :data:`PIECE` moments with a bounding box each. Two
+pieces can only meet where their times are the same, which sorting tells, and their boxes are within
+reach, which a sweep along x tells. Only moments of such pieces are ever paired.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from scene4d.core.errors import InputError
+from scene4d.searching.activities.ragged import expand, runs
+from scene4d.searching.predicates.rows import Stage
+
+PIECE = 32
+"""Moments of a piece: few enough for a small box, many enough to be few pieces."""
+BOUND_SIGMA = 2.4
+"""Standard deviations by which a box grows: P(near) is below 0.01 behind them."""
+MOST_SPREAD_M = 10.0
+"""A box grows by no more: what stands so vaguely is near nothing in particular."""
+
+_STANDS_MPS = 0.5
+_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """The moments of a stage as whole numbers of steps."""
+
+    stage: Stage
+
+    @cached_property
+    def tick(self) -> Int[np.ndarray, "n"]:
+        """Moment of each row (:func:`ticks_of`). Raises :class:`InputError` where the rows are not
+        ordered by (track, time).
+        """
+        time_s = self.stage.tracks.time_s
+        if not np.isfinite(time_s).all():
+            raise InputError("stage: a time is not finite")
+        same = np.diff(self.stage.track_of_row) == 0
+        late = np.flatnonzero(same & (np.diff(time_s) <= 0))
+        if len(late):
+            row = int(late[0]) + 1
+            raise InputError(
+                f"stage: row {row} at {time_s[row]:.3f} s is not later than the row before it, of "
+                f"the same track {self.stage.tracks.track[row]}; expected the order (track, time)"
+            )
+        return ticks_of(time_s, self.stage.step_s)
+
+    @cached_property
+    def used(self) -> Bool[np.ndarray, "n"]:
+        """The first row of each track at each moment; times may lie closer than the steps."""
+        used = np.zeros(len(self.tick), bool)
+        used[runs(self.stage.track_of_row, self.tick)] = True
+        return used
+
+    @cached_property
+    def span(self) -> int:
+        """More than any difference of moments."""
+        return int(self.tick.max() - self.tick.min()) + 1 if len(self.tick) else 1
+
+    @cached_property
+    def key(self) -> Int[np.ndarray, "n"]:
+        """One ascending number for (track, moment)."""
+        if len(self.tick) == 0:
+            return self.tick
+        return self.stage.track_of_row * (3 * self.span) + (self.tick - self.tick.min())
+
+    def row_at(
+        self, track: Int[np.ndarray, "m"], tick: Int[np.ndarray, "m"]
+    ) -> Int[np.ndarray, "m"]:
+        """Row of the track (its position in the stage) at the moment, -1 where it has none."""
+        wanted = track * (3 * self.span) + (tick - self.tick.min())
+        row = np.searchsorted(self.key, wanted)
+        row[row == len(self.key)] = 0
+        # A moment before the stage's first or behind its last would be another track's.
+        inside = (tick >= self.tick.min()) & (tick <= self.tick.max())
+        return np.where(inside & (self.key[row] == wanted), row, -1)
+
+
+def ticks_of(time_s: Float[np.ndarray, "n"], step_s: float) -> Int[np.ndarray, "n"]:
+    """Times as whole numbers of steps behind the first of them, the nearest ones.
+
+    Half a step counts as none, whichever way it was rounded: times a step apart are always a tick
+    apart.
+    """
+    if len(time_s) == 0:
+        return np.zeros(0, np.int64)
+    return np.ceil((time_s - time_s.min()) / step_s - (0.5 + _ROUNDING)).astype(np.int64)
+
+
+def meetings(
+    clock: Clock,
+    a: Int[np.ndarray, "n"],
+    b: Int[np.ndarray, "m"],
+    *,
+    reach_m: float,
+    margin: int = 0,
+    lag: int = 0,
+) -> tuple[Int[np.ndarray, "p"], Int[np.ndarray, "p"]]:
+    """Rows of ``a`` and, ``lag`` moments before, rows of ``b``, of tracks that come within
+    ``reach_m``, and up to ``margin`` moments before and after they do.
+
+    ``a`` and ``b`` are ascending rows in use (:attr:`Clock.used`); a track does not meet itself
+    unless there is a lag. The pairs are ordered by (track of a, track of b, moment). Rows of a
+    piece of :data:`PIECE` moments come all or none, so some that are further apart come too.
+    """
+    none = np.zeros(0, np.int64)
+    if len(a) == 0 or len(b) == 0:
+        return none, none
+    pieces_a = _pieces(clock, a, 0)
+    pieces_b = _pieces(clock, b, lag)
+    i, j = _close(pieces_a, pieces_b, reach_m)
+    if lag == 0:
+        other = pieces_a.track[i] != pieces_b.track[j]
+        i, j = i[other], j[other]
+    if len(i) == 0:
+        return none, none
+    piece_a = _with_neighbours(pieces_a, i, pieces_b.track[j], margin)
+    owner, position = expand(pieces_a.first[piece_a[0]], pieces_a.count[piece_a[0]])
+    row_a = a[position]
+    track_b = piece_a[1][owner]
+    row_b = clock.row_at(track_b, clock.tick[row_a] - lag)
+    there = row_b >= 0
+    if len(b) < len(clock.tick):
+        allowed = np.zeros(len(clock.tick), bool)
+        allowed[b] = True
+        there &= allowed[row_b]
+    return row_a[there], row_b[there]
+
+
+def earlier(
+    clock: Clock, a: Int[np.ndarray, "n"], b: Int[np.ndarray, "m"], *, reach_m: float
+) -> tuple[Int[np.ndarray, "p"], Int[np.ndarray, "p"]]:
+    """Rows of ``a`` with, for each track of ``b`` that was within reach before, the row nearest.
+
+    ``b`` are ascending rows. Ordered by (track of a, track of b, moment). Of a track's rows in a
+    square of a tenth of ``reach_m`` only the first counts at which it stood, or else was there, so
+    that a parked vehicle is one row.
+    """
+    tracks = clock.stage.tracks
+    a = a[np.isfinite(tracks.xy_m[a]).all(axis=1)]
+    b = b[np.isfinite(tracks.xy_m[b]).all(axis=1)]
+    fine = np.floor(tracks.xy_m[b] / (reach_m / 10)).astype(np.int64)
+    speed = np.linalg.norm(tracks.velocity_mps[b], axis=1)
+    track = clock.stage.track_of_row[b]
+    order = np.lexsort((b, ~(speed < _STANDS_MPS), fine[:, 1], fine[:, 0], track))
+    head = runs(track[order], fine[order, 0], fine[order, 1])
+    b = b[order][head]
+    if len(a) == 0 or len(b) == 0:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    i, j = _same_place(tracks.xy_m[a], tracks.xy_m[b], reach_m)
+    row_a, row_b = a[i], b[j]
+    track_a, track_b = clock.stage.track_of_row[row_a], clock.stage.track_of_row[row_b]
+    keep = (clock.tick[row_b] < clock.tick[row_a]) & (track_a != track_b)
+    row_a, row_b, track_a, track_b = row_a[keep], row_b[keep], track_a[keep], track_b[keep]
+    apart = np.linalg.norm(tracks.xy_m[row_a] - tracks.xy_m[row_b], axis=1)
+    order = np.lexsort((apart, row_a, track_b, track_a))
+    order = order[runs(track_b[order], row_a[order])]
+    return row_a[order], row_b[order]
+
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """Pieces of tracks in a common window of time, ordered by (track, window)."""
+
+    track: Int[np.ndarray, "p"]
+    window: Int[np.ndarray, "p"]
+    first: Int[np.ndarray, "p"]
+    count: Int[np.ndarray, "p"]
+    low: Float[np.ndarray, "p 2"]
+    high: Float[np.ndarray, "p 2"]
+
+
+def _pieces(clock: Clock, rows: Int[np.ndarray, "n"], lag: int) -> _Pieces:
+    """Pieces of the rows; without positions their box is empty, and nothing meets it."""
+    track = clock.stage.track_of_row[rows]
+    window = (clock.tick[rows] + lag) // PIECE
+    first = runs(track, window)
+    count = np.diff(np.append(first, len(rows)))
+    tracks = clock.stage.tracks
+    variance = tracks.covariance_m2[:, 0, 0][rows] + tracks.covariance_m2[:, 1, 1][rows]
+    spread = np.fmin(BOUND_SIGMA * np.sqrt(np.maximum(variance, 0)), MOST_SPREAD_M)
+    # Column by column: along rows of two, a reduction takes ten times as long.
+    xy = [tracks.xy_m[:, axis][rows] for axis in (0, 1)]
+    low = np.column_stack([np.fmin.reduceat(x - spread, first) for x in xy])
+    high = np.column_stack([np.fmax.reduceat(x + spread, first) for x in xy])
+    return _Pieces(track[first], window[first], first, count, low, high)
+
+
+def _close(
+    a: _Pieces, b: _Pieces, reach_m: float
+) -> tuple[Int[np.ndarray, "p"], Int[np.ndarray, "p"]]:
+    """Pieces of the same window whose boxes are within reach, by a sweep along x."""
+    if np.isinf(reach_m):
+        order = np.argsort(b.window, kind="stable")
+        begin = np.searchsorted(b.window[order], a.window)
+        end = np.searchsorted(b.window[order], a.window, side="right")
+        i, at = expand(begin, end - begin)
+        return i, order[at]
+    known = np.flatnonzero(np.isfinite(b.low).all(axis=1))
+    if len(known) == 0:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64)
+    low_x, window = b.low[known, 0], b.window[known]
+    widest = float((b.high[known, 0] - low_x).max())
+    left = min(float(low_x.min()), float(np.nanmin(a.low[:, 0], initial=np.inf)))
+    right = max(float(low_x.max()), float(np.nanmax(a.high[:, 0], initial=-np.inf)))
+    # Windows side by side on one axis, so that (window, x) sorts as one number.
+    wide = right - left + widest + 2 * reach_m + 1.0
+    base = min(int(a.window.min()), int(window.min()))
+    order = np.argsort((window - base) * wide + (low_x - left), kind="stable")
+    axis = ((window - base) * wide + (low_x - left))[order]
+    finite = np.isfinite(a.low).all(axis=1)
+    x_low = np.where(finite, a.low[:, 0] - left, 0.0)
+    x_high = np.where(finite, a.high[:, 0] - left, 0.0)
+    place = (a.window - base) * wide
+    slack = 1e-6 * wide  # rounding of the long axis; the boxes are compared exactly below
+    begin = np.searchsorted(axis, place + x_low - reach_m - widest - slack)
+    end = np.searchsorted(axis, place + x_high + reach_m + slack, side="right")
+    i, at = expand(begin, np.where(finite, np.maximum(end - begin, 0), 0))
+    j = known[order[at]]
+    gap = np.maximum(np.maximum(a.low[i] - b.high[j], b.low[j] - a.high[i]), 0)
+    near = ((gap**2).sum(axis=1) <= reach_m**2) & (a.window[i] == b.window[j])
+    return i[near], j[near]
+
+
+def _with_neighbours(
+    pieces: _Pieces, i: Int[np.ndarray, "p"], track_b: Int[np.ndarray, "p"], margin: int
+) -> tuple[Int[np.ndarray, "w"], Int[np.ndarray, "w"]]:
+    """Pieces of ``a`` with a track of ``b``, and those up to ``margin`` moments around; ordered."""
+    around = min(-(-margin // PIECE), len(pieces.track))
+    if around:
+        key = _window_key(pieces, pieces.track, pieces.window)
+        track, window = pieces.track[i], pieces.window[i]
+        begin = np.searchsorted(key, _window_key(pieces, track, window - around))
+        end = np.searchsorted(key, _window_key(pieces, track, window + around), side="right")
+        owner, i = expand(begin, end - begin)
+        track_b = track_b[owner]
+    order = np.lexsort((i, track_b, pieces.track[i]))
+    order = order[runs(track_b[order], i[order])]
+    return i[order], track_b[order]
+
+
+def _window_key(
+    pieces: _Pieces, track: Int[np.ndarray, "p"], window: Int[np.ndarray, "p"]
+) -> Int[np.ndarray, "p"]:
+    low, high = int(pieces.window.min()), int(pieces.window.max())
+    return track * (high - low + 3) + np.clip(window - low, -1, high - low + 1) + 1
+
+
+def _same_place(
+    a: Float[np.ndarray, "n 2"], b: Float[np.ndarray, "m 2"], reach_m: float
+) -> tuple[Int[np.ndarray, "p"], Int[np.ndarray, "p"]]:
+    """Pairs within reach, by squares of that size: a point's own and the eight around it."""
+    low = np.minimum(a.min(axis=0), b.min(axis=0))
+    cell_a, cell_b = (np.floor((xy - low) / reach_m).astype(np.int64) + 1 for xy in (a, b))
+    high = int(max(cell_a[:, 1].max(), cell_b[:, 1].max())) + 2
+    order = np.argsort(cell_b[:, 0] * high + cell_b[:, 1], kind="stable")
+    key = (cell_b[:, 0] * high + cell_b[:, 1])[order]
+    found_i, found_j = [], []
+    for column in (-1, 0, 1):
+        middle = (cell_a[:, 0] + column) * high + cell_a[:, 1]
+        begin = np.searchsorted(key, middle - 1)
+        end = np.searchsorted(key, middle + 1, side="right")
+        i, at = expand(begin, end - begin)
+        j = order[at]
+        near = ((a[i] - b[j]) ** 2).sum(axis=1) <= reach_m**2
+        found_i.append(i[near])
+        found_j.append(j[near])
+    return np.concatenate(found_i), np.concatenate(found_j)

@@ -1,0 +1,175 @@
+"""A search in words as an activity."""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from lark import Tree
+from lark.exceptions import UnexpectedEOF, UnexpectedInput, UnexpectedToken
+
+from scene4d.core.errors import InputError
+from scene4d.searching.activities.checking import check_activity
+from scene4d.searching.activities.definition import Activity
+from scene4d.searching.activities.known import PREDICATES
+from scene4d.searching.language.clock import Window, window_of
+from scene4d.searching.language.composing import Composer
+from scene4d.searching.language.explanation import predicate_lines
+from scene4d.searching.language.grammar import Grammar, build_grammar
+from scene4d.searching.language.lexicon import Lexicon
+from scene4d.searching.language.pieces import Piece
+from scene4d.searching.language.reading import options_of, read_tree
+from scene4d.searching.language.referents import Discourse
+from scene4d.searching.language.words import Word, read_words, refuse
+from scene4d.searching.predicates.registry import Predicate
+
+_MOST_EXPECTED = 12
+
+
+@dataclass(frozen=True)
+class Query:
+    """A search: its ``text``, the ``activity`` to look for, its ``predicates`` as lines such as
+    ``near(person, vehicle)``, in their order, the time of day (``window``; None for any), and what
+    the reader must know of how it was understood (``notes``).
+    """
+
+    text: str
+    activity: Activity
+    predicates: list[str]
+    window: Window | None
+    notes: list[str]
+
+
+def parse_query(
+    text: str,
+    catalogue: Mapping[str, Activity],
+    zones: Sequence[str] = (),
+    lines: Sequence[str] = (),
+    *,
+    predicates: Mapping[str, Predicate] = PREDICATES,
+) -> Query:
+    """What a search in controlled English asks for; docs/search-language.md describes it.
+
+    ``catalogue`` are the activities that may be asked for by their phrases, ``zones`` and
+    ``lines`` the names of places. Raises :class:`InputError` for what is not understood, with the
+    position (characters from 1) and, for a word, the nearest known ones; also for numbers that
+    cannot be, and for somebody or a place that is not there.
+    """
+    grammar = build_grammar(catalogue.values())
+    words = read_words(text, grammar.vocabulary(tuple(zones), tuple(lines)))
+    read, notes = read_tree(_parse(text, words, grammar), text, grammar)
+    sentences = options_of(read)
+    sentence = sentences[0]
+    if len(sentences) > 1:
+        notes.append("the time of day could be read in several ways")
+    composer = Composer(text, grammar.lexicon.assumed)
+    piece, discourse = composer.compose(sentence.order, Discourse(text, grammar.lexicon))
+    activity = _activity(piece, discourse, text, catalogue)
+    check_activity(activity, predicates)
+    window = window_of(sentence.clocks, text, grammar.lexicon.assumed["at_s"], notes)
+    return Query(
+        text,
+        activity,
+        predicate_lines(activity),
+        window,
+        [*discourse.notes, *_word_notes(words, activity, grammar), *notes],
+    )
+
+
+def _activity(
+    piece: Piece, discourse: Discourse, text: str, catalogue: Mapping[str, Activity]
+) -> Activity:
+    """The catalogue's own where it was asked for alone, else one named as it was said."""
+    used = {role for phase in piece.phases for term in phase.terms for role in term.roles}
+    roles = tuple(role for role in discourse.roles() if role.name in used)
+    known = catalogue.get(piece.name)
+    if known is not None:
+        return replace(known, roles=roles, phases=piece.phases, relations=piece.relations)
+    return Activity(" ".join(text.split()), roles, piece.phases, piece.relations)
+
+
+def _word_notes(words: Sequence[Word], activity: Activity, grammar: Grammar) -> list[str]:
+    """Notes on words that are taken for less than they say."""
+    moves = any(t.predicate == "moving" for phase in activity.phases for t in phase.terms)
+    table = grammar.lexicon.notes if moves else {}
+    return [
+        table[form].format(word=word.surface)
+        for form in table
+        for word in words
+        if word.kind == "word" and form == word.value
+    ]
+
+
+def _parse(text: str, words: Sequence[Word], grammar: Grammar) -> Tree:
+    try:
+        return grammar.parser.parse(grammar.tokens(words))
+    except UnexpectedToken as error:
+        raise _unexpected(text, error, words, grammar) from None
+    except UnexpectedEOF as error:
+        last = words[-1]
+        if last.kind == "number":
+            raise _no_unit(text, last) from None
+        known = _spoken(error.expected, grammar)
+        raise refuse(text, last.end, f'it ends too early after "{last.surface}"; {known}') from None
+    except UnexpectedInput as error:
+        raise InputError(f'search "{text}": it is not understood: {error}') from None
+
+
+def _unexpected(
+    text: str, error: UnexpectedToken, words: Sequence[Word], grammar: Grammar
+) -> InputError:
+    start = error.token.start_pos or 0
+    word = next((word for word in words if word.start == start), words[-1])
+    before = [other for other in words if other.end <= start]
+    units = _kinds(grammar.lexicon)["a unit"]
+    if before and before[-1].kind == "number" and word.value not in units:
+        return _no_unit(text, before[-1])
+    after = f' after "{before[-1].surface}"' if before else " at the beginning"
+    known = _spoken(error.expected, grammar)
+    return refuse(text, start, f'"{word.surface}" is not understood{after}; {known}')
+
+
+def _no_unit(text: str, number: Word) -> InputError:
+    return refuse(text, number.start, f'"{number.surface}" needs a unit, such as m, s or km/h')
+
+
+def _spoken(expected: Collection[str], grammar: Grammar) -> str:
+    """What could stand there instead: kinds of words, and the words that are of none."""
+    there = {word for word, token in grammar.terminals.items() if token in expected}
+    said: list[str] = []
+    for kind, words in _kinds(grammar.lexicon).items():
+        if there & words:
+            said.append(kind)
+            there -= words
+    named = {"NUMBER": "a number", "CLOCK": "a time of day", "ZONE": "a zone", "LINE": "a line"}
+    said += [what for name, what in named.items() if name in expected and what not in said]
+    said += [f'"{word}"' for word in sorted(there)]
+    if not said:
+        return "nothing more was expected"
+    more = ", ..." if len(said) > _MOST_EXPECTED else ""
+    return f"expected: {', '.join(said[:_MOST_EXPECTED])}{more}"
+
+
+@lru_cache(maxsize=1)
+def _kinds(lexicon: Lexicon) -> dict[str, frozenset[str]]:
+    """Words by what they are called to a reader."""
+
+    def first(patterns: Iterable[str]) -> frozenset[str]:
+        return frozenset(p.split()[0] for p in patterns if p[0] not in "{$")
+
+    nouns = [*(w for e in lexicon.nouns for w in e.words), *_flat(lexicon.articles)]
+    nouns += [*_flat(lexicon.pronouns), *(w for e in lexicon.adjectives for w in e.words)]
+    verbs = [w for e in lexicon.verbs.values() for w in e.words]
+    verbs += [w for e in lexicon.states for w in e.verb] + list(lexicon.sets["auxiliary"])
+    relations = [w for e in lexicon.states for w in e.relation]
+    units = [w for table in lexicon.units.values() for _, words in table for w in words]
+    return {
+        "a person or vehicle": frozenset(nouns),
+        'what they do (such as "enters", "is near")': first(verbs) | {"be"},
+        'where (such as "near", "in zone")': first(relations),
+        "a unit": first(units),
+        "a number": first(w for _, words in lexicon.numbers for w in words),
+    }
+
+
+def _flat(table: Mapping[str, tuple[str, ...]]) -> list[str]:
+    return [word for words in table.values() for word in words]

@@ -1,0 +1,214 @@
+"""A search as tokens: words in their base form, numbers, times of day, names, with positions."""
+
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from scene4d.core.errors import InputError
+from scene4d.searching.language.lexicon import Lexicon, base_forms
+
+MOST_WORDS = 60
+"""A longer search is a text; and this bounds the time that a parse may take."""
+
+MOST_DIGITS = 20
+"""A longer number is a mistake."""
+
+_TOKEN = re.compile(
+    r"""(?P<quoted>"[^"]*"|“[^”]*”)
+    |(?P<clock>\d{1,2}:\d{2}(?::\d{2})?(?:\s*[ap]\.?m\b\.?)?|\d{1,2}\s*[ap]\.?m\b\.?)
+    |(?P<number>\d+(?:[.,]\d+)*|\.\d+)
+    |(?P<not>(?:n['’]t)\b)
+    |(?P<whose>['’]s?(?!\w))
+    |(?P<unit>[^\W\d_]+/[^\W\d_]+)
+    |(?P<word>[^\W\d_]+?(?=n['’]t\b)|[^\W\d_]+(?:-[^\W\d_]+)*)
+    |(?P<comma>[,;])
+    |(?P<space>\s+|[.?!]+(?=\s*$))
+    |(?P<other>.)""",
+    re.VERBOSE | re.IGNORECASE,
+)
+_SHORTENED = {"ca": "can", "wo": "will"}
+
+
+@dataclass(frozen=True)
+class Word:
+    """A token: its ``kind`` (word, number, clock, zone, line, comma, whose), its base form or
+    value, and where it stands in the text, from ``start`` up to ``end``.
+    """
+
+    kind: str
+    value: str
+    start: int
+    end: int
+    surface: str
+
+
+@dataclass(frozen=True, eq=False)
+class Vocabulary:
+    """The words that may be used, and the names of places."""
+
+    words: Collection[str]
+    lexicon: Lexicon
+    zones: Sequence[str] = ()
+    lines: Sequence[str] = ()
+
+    def word(self, surface: str) -> str | None:
+        """The known word behind a surface form, or none."""
+        lower = surface.casefold()
+        forms = (lower, *base_forms(lower))
+        return next((form for form in forms if form in self.words), None)
+
+
+def refuse(text: str, start: int, what: str) -> InputError:
+    """The error for a search that is not understood; positions count characters from 1."""
+    return InputError(f'search "{text}": position {start + 1}: {what}')
+
+
+def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
+    """Tokens of a search in their order.
+
+    Raises :class:`InputError` for a word that is not known (with the nearest ones), a sign that
+    means nothing here, an empty text, and one of more than :data:`MOST_WORDS`.
+    """
+    found: list[Word] = []
+    at = 0
+    while at < len(text):
+        name = _name_at(text, at, found, vocabulary)
+        if name is not None:
+            found.append(name)
+            at = name.end
+            continue
+        match = _TOKEN.match(text, at)
+        if match is None:  # a line break, which "." does not match, is space already
+            raise refuse(text, at, "this sign means nothing here")
+        found += _words_of(match, text, vocabulary)
+        at = match.end()
+    if not found:
+        raise InputError('search: it is empty; say for example "person enters vehicle"')
+    if len(found) > MOST_WORDS:
+        raise InputError(
+            f"search: {len(found)} words, at most {MOST_WORDS} are read; say it in several searches"
+        )
+    return found
+
+
+def _words_of(match: re.Match, text: str, vocabulary: Vocabulary) -> list[Word]:
+    kind = str(match.lastgroup)
+    surface, start, end = match.group(), match.start(), match.end()
+    if kind == "space":
+        return []
+    if kind == "other":
+        hint = (
+            "a number here is not negative" if surface in "-−" else "this sign means nothing here"
+        )
+        raise refuse(text, start, f'"{surface}": {hint}')
+    if kind == "quoted":
+        return [_quoted(surface[1:-1], text, start, end, vocabulary)]
+    if kind == "not":
+        return [Word("word", "not", start, end, surface)]
+    if kind in {"word", "unit"}:
+        followed = text[end : end + 1].casefold() == "n" and text[end + 1 : end + 2] in "'’"
+        whole = _SHORTENED.get(surface.casefold(), surface) if followed else surface
+        return _known(whole, text, (start, end), vocabulary)
+    if kind == "number" and len(surface) > MOST_DIGITS:
+        raise refuse(text, start, f"a number of more than {MOST_DIGITS} digits")
+    return [Word(kind, surface, start, end, surface)]
+
+
+def _known(surface: str, text: str, span: tuple[int, int], vocabulary: Vocabulary) -> list[Word]:
+    start, end = span
+    word = vocabulary.word(surface)
+    if word is not None:
+        return [Word("word", word, start, end, surface)]
+    refused = vocabulary.lexicon.refused
+    for form in (surface.casefold(), *base_forms(surface.casefold())):
+        if form in refused:
+            raise refuse(text, start, f'"{surface}" is not understood: {refused[form]}')
+    if "-" in surface:
+        parts: list[Word] = []
+        for part in re.finditer(r"[^-]+", surface):
+            at = (start + part.start(), start + part.end())
+            parts += _known(part.group(), text, at, vocabulary)
+        return parts
+    raise refuse(text, start, f'"{surface}" is not a known word{_nearest(surface, vocabulary)}')
+
+
+def _nearest(surface: str, vocabulary: Vocabulary) -> str:
+    lower = surface.casefold()
+    known = {*vocabulary.words, *(name.casefold() for name in _names(vocabulary))}
+    forms = [lower, *base_forms(lower)]
+    near = [word for form in forms for word in get_close_matches(form, sorted(known), 3, 0.6)]
+    said = ", ".join(f'"{word}"' for word in dict.fromkeys(near))
+    if said:
+        return f"; the nearest are {said}"
+    return "; none is near; docs/search-language.md lists what may be said"
+
+
+def _names(vocabulary: Vocabulary) -> Iterable[str]:
+    yield from vocabulary.zones
+    yield from vocabulary.lines
+
+
+def _name_at(text: str, at: int, before: list[Word], vocabulary: Vocabulary) -> Word | None:
+    """A place's name that begins here: after "zone" or "line" any, else one that is no word."""
+    if at > 0 and text[at - 1].isalnum():
+        return None
+    sets = vocabulary.lexicon.sets
+    last = before[-1].value if before else ""
+    kinds: Mapping[str, Sequence[str]] = {"zone": vocabulary.zones, "line": vocabulary.lines}
+    named = [kind for kind in kinds if last in sets[kind]]
+    for kind in named or kinds:
+        name = _longest(text, at, kinds[kind])
+        if name is None or (not named and vocabulary.word(name) is not None):
+            continue
+        other = next(k for k in kinds if k != kind)
+        if not named and _longest(text, at, kinds[other]) is not None:
+            raise refuse(
+                text, at, f'"{name}" is a zone and a line; say "zone {name}" or "line {name}"'
+            )
+        return Word(kind, name, at, at + len(name), text[at : at + len(name)])
+    if named:
+        _check_name(text, at, named[0], kinds[named[0]], vocabulary)
+    return None
+
+
+def _check_name(
+    text: str, at: int, kind: str, names: Sequence[str], vocabulary: Vocabulary
+) -> None:
+    """Raise for a word after "zone" that is neither a name nor anything else."""
+    match = _TOKEN.match(text, at)
+    if match is None or match.lastgroup not in {"word", "number"}:
+        return
+    surface = match.group()
+    if match.lastgroup == "word" and vocabulary.word(surface) is not None:
+        return
+    raise refuse(text, at, _unknown_name(surface, kind, names))
+
+
+def _unknown_name(surface: str, kind: str, names: Sequence[str]) -> str:
+    if not names:
+        return f'"{surface}" is no {kind}: none has been named'
+    near = get_close_matches(surface, names, 3, 0.5) or sorted(names)
+    listed = ", ".join(f'"{name}"' for name in near[:10])
+    return f'"{surface}" is no {kind}; there are {listed}'
+
+
+def _longest(text: str, at: int, names: Sequence[str]) -> str | None:
+    def stands_here(name: str) -> bool:
+        end = at + len(name)
+        here = text[at:end].casefold() == name.casefold()
+        return bool(name) and here and not text[end : end + 1].isalnum()
+
+    return max(filter(stands_here, names), key=len, default=None)
+
+
+def _quoted(name: str, text: str, start: int, end: int, vocabulary: Vocabulary) -> Word:
+    is_zone, is_line = name in vocabulary.zones, name in vocabulary.lines
+    before = text[:start].split()[-1:]
+    if is_line and (not is_zone or before == ["line"]):
+        return Word("line", name, start, end, name)
+    if is_zone:
+        return Word("zone", name, start, end, name)
+    kind = "line" if before == ["line"] else "zone"
+    names = vocabulary.lines if kind == "line" else vocabulary.zones
+    raise refuse(text, start, _unknown_name(name, kind, names))

@@ -1,0 +1,207 @@
+"""What a detector saw, chunk by chunk on disk, so that a killed run goes on where it stopped.
+
+    settings.json     what the detections are of, and what made them
+    00000.npz         detections (and appearance) of the first chunk of frames, and so on
+    finished.json     how many chunks there are, once there are no more
+
+Detection takes hours where everything after it takes minutes: it is what a rerun must not repeat.
+"""
+
+import io
+import json
+import os
+import re
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Float32, Int
+
+from scene4d.core.errors import InputError, OutputError
+from scene4d.core.files import read_json, write_bytes, write_json
+from scene4d.core.people import Detections
+
+LOG_SCHEMA = "scene4d/detections/1"
+_CHUNK = re.compile(r"(\d{5,})\.npz")
+_APPEARANCE, _FRAMES, _TIMES = "appearance", "frames_seen", "times_seen"
+_ABSENT = "nothing"
+
+
+@dataclass(frozen=True, eq=False)
+class Logged:
+    """A chunk: the frames (m,) that were looked at, with their times, whether they showed anything
+    or not; what was detected in them; and what each detection looks like, None where nothing did.
+
+    Raises :class:`InputError` where the parts do not belong together.
+    """
+
+    frame: Int[np.ndarray, "m"]
+    time_s: Float[np.ndarray, "m"]
+    detections: Detections
+    appearance: Float[np.ndarray, "n d"] | Float32[np.ndarray, "n d"] | None = None
+
+    def __post_init__(self) -> None:
+        if self.appearance is not None and len(self.appearance) != len(self.detections):
+            raise InputError(
+                f"appearance: has {len(self.appearance)} rows, expected one for each of the "
+                f"{len(self.detections)} detections"
+            )
+        if len(self.time_s) != len(self.frame):
+            raise InputError(f"frames: {len(self.frame)} have {len(self.time_s)} times")
+        if not np.isin(self.detections.frame, self.frame).all():
+            raise InputError("detections: some are of a frame that was not looked at")
+
+
+class DetectionLog:
+    """The detections of one source under one set of settings, in a folder of their own.
+
+    ``settings`` is all that they depend on (source and its size and date, frames per chunk,
+    detector, hashes of weights, software version), as JSON can hold it. Raises
+    :class:`InputError` where the folder holds detections under other settings, naming what
+    differs, and :class:`OutputError` where it cannot be written to.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], settings: dict[str, Any]) -> None:
+        self._folder = Path(folder)
+        try:
+            settings = json.loads(json.dumps(settings, allow_nan=False))
+        except (TypeError, ValueError) as error:
+            raise InputError(f"settings: cannot be written as JSON: {error}") from error
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            names = [path.name for path in self._folder.iterdir()]
+        except OSError as error:
+            raise OutputError(f"{self._folder}: cannot be written to: {error.strerror}") from error
+        path = self._folder / "settings.json"
+        self._there = {int(match[1]) for match in map(_CHUNK.fullmatch, names) if match}
+        if path.name in names:
+            _check_settings(path, settings, binding=bool(self._there))
+        if not self._there:
+            write_json(path, {"schema": LOG_SCHEMA, "settings": settings})
+        self._complete = 0
+        self._count()
+        self._check_finished()
+
+    @property
+    def complete(self) -> int:
+        """How many chunks are there from the first one on without a hole: the next to be seen."""
+        return self._complete
+
+    @property
+    def finished(self) -> bool:
+        """Whether there are no more chunks to come."""
+        return self._finished_path.exists()
+
+    def append(self, chunk: int, logged: "Logged") -> None:
+        """Write one chunk, atomically; one that is there already is replaced.
+
+        Raises :class:`InputError` where the log is finished, and :class:`OutputError` where the
+        file cannot be written.
+        """
+        if self.finished:
+            raise InputError(f"{self._folder}: is finished, chunk {chunk} cannot be added")
+        if chunk < 0:
+            raise InputError(f"{self._folder}: chunk {chunk}, expected a number from 0")
+        detections = logged.detections
+        columns: dict[str, Any] = {
+            f.name: np.asarray(getattr(detections, f.name)) for f in fields(Detections)
+        }
+        columns["class_name"] = detections.class_name.astype(str)  # objects would be pickled
+        columns |= {_FRAMES: logged.frame, _TIMES: logged.time_s}
+        if logged.appearance is not None:
+            columns[_APPEARANCE] = logged.appearance
+        content = io.BytesIO()
+        np.savez(content, **columns)
+        write_bytes(self._path(chunk), content.getvalue())
+        self._there.add(chunk)
+        self._count()
+
+    def chunks(self) -> Iterator["Logged"]:
+        """The complete chunks in order, one in memory at a time.
+
+        Raises :class:`InputError` for a damaged file, naming it.
+        """
+        for chunk in range(self._complete):
+            yield _read_chunk(self._path(chunk))
+
+    def finish(self) -> None:
+        """Say that no chunk is missing; raises :class:`InputError` where one is."""
+        beyond = {chunk for chunk in self._there if chunk > self._complete}
+        if beyond:
+            raise InputError(
+                f"{self._folder}: chunk {self._complete} is missing, while chunk {max(beyond)} is "
+                "there; detect it before finishing"
+            )
+        write_json(self._finished_path, {"chunks": self._complete})
+
+    @property
+    def _finished_path(self) -> Path:
+        return self._folder / "finished.json"
+
+    def _path(self, chunk: int) -> Path:
+        return self._folder / f"{chunk:05d}.npz"
+
+    def _count(self) -> None:
+        while self._complete in self._there:
+            self._complete += 1
+
+    def _check_finished(self) -> None:
+        if self.finished:
+            chunks = read_json(self._finished_path).get("chunks")
+            if chunks != self._complete:
+                raise InputError(
+                    f"{self._finished_path}: says {chunks} chunks, found {self._complete}; remove "
+                    "it, and the missing ones are detected again"
+                )
+
+
+def _check_settings(path: Path, settings: dict[str, Any], *, binding: bool) -> None:
+    """Refuse a log of another version, and other settings where anything was detected by them."""
+    stored = read_json(path)
+    schema = stored.get("schema") if isinstance(stored, dict) else None
+    if schema != LOG_SCHEMA:
+        raise InputError(f"{path}: schema is {schema!r}, expected {LOG_SCHEMA!r}")
+    if not binding:
+        return
+    before, now = dict(_leaves(stored["settings"])), dict(_leaves(settings))
+    differing = [
+        f"{name} ({_shown(before, name)} there, {_shown(now, name)} now)"
+        for name in sorted({*before, *now})
+        if _shown(before, name) != _shown(now, name)
+    ]
+    if differing:
+        raise InputError(
+            f"{path.parent}: holds detections under other settings: {', '.join(differing)}; remove "
+            "the folder to detect again, or choose another"
+        )
+
+
+def _leaves(values: Any, name: str = "") -> Iterator[tuple[str, Any]]:
+    """Nested settings under dotted names."""
+    if isinstance(values, dict) and values:
+        for key, value in values.items():
+            yield from _leaves(value, f"{name}.{key}" if name else key)
+    else:
+        yield name, values
+
+
+def _shown(leaves: dict[str, Any], name: str) -> str:
+    return json.dumps(leaves[name]) if name in leaves else _ABSENT
+
+
+def _read_chunk(path: Path) -> Logged:
+    try:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+            columns = {name: file[name] for name in file.files}
+        frame, time_s = columns.pop(_FRAMES), columns.pop(_TIMES)
+        appearance = columns.pop(_APPEARANCE, None)
+        columns["image_size"] = tuple(columns["image_size"].tolist())
+        columns["keypoint_names"] = tuple(columns["keypoint_names"].tolist())
+        return Logged(frame, time_s, Detections(**columns), appearance)
+    except (OSError, ValueError, EOFError, KeyError, TypeError, zipfile.BadZipFile) as error:
+        raise InputError(
+            f"{path}: is damaged: {error}; remove it, and it is detected again"
+        ) from error

@@ -1,0 +1,408 @@
+"""Reading scenes: DuckDB filters the Parquet files, and Arrow tables come back.
+
+Which files are read is decided by the manifests: the parts of complete runs, of the cameras and the
+time that are asked for. So a month of a busy camera is never loaded for the sake of a minute.
+"""
+
+import os
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from arro3.core import DataType, Field, Table
+
+from scene4d.core.errors import InputError, UnavailableError
+from scene4d.core.files import read_json
+from scene4d.core.tracks import Tracks
+from scene4d.store.runs import Part, Run, camera_path, complete_runs
+from scene4d.store.schema import COLUMN_NAMES, COLUMNS, KEYPOINT_COLUMNS, RUN_TRACKS, from_table
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+# DuckDB fetches what a query seems to need from the network, and variables from its caller.
+_ALONE: dict[str, Any] = {
+    "autoinstall_known_extensions": "false",
+    "autoload_known_extensions": "false",
+    "python_enable_replacements": "false",
+}
+
+Moment = datetime | float | int
+"""A moment in UTC, or seconds from the start of a clip."""
+Rectangle = tuple[float | int, float | int, float | int, float | int]
+"""x0, y0, x1, y1 on the ground, in metres."""
+
+
+@dataclass(frozen=True)
+class _Stored:
+    """A run in its folder; ``track_offset`` keeps the tracks of several folders apart."""
+
+    folder: Path
+    run: Run
+    track_offset: int
+
+
+@dataclass(frozen=True)
+class _Question:
+    begin: Moment | None
+    end: Moment | None
+    classes: Sequence[str] | None
+    cameras: Sequence[str] | None
+    tracks: Sequence[int] | np.ndarray | None
+    within_m: Rectangle | None
+    observed: bool | None
+
+
+class Scene:
+    """Who was where and when, in one folder or many; nothing is loaded before it is asked for.
+
+    The questions of :meth:`rows` and :meth:`tracks`: ``begin`` (included) and ``end`` (not
+    included), as moments with a time zone or as seconds from the clip's start; ``classes``,
+    ``cameras``, ``tracks``: one of these; ``within_m`` a rectangle (x0, y0, x1, y1) on the ground
+    with its edges; ``observed`` whether seen or bridged. None asks for all. They raise
+    :class:`InputError` for what is not there (naming what is), for impossible ranges and for a
+    damaged file, and :class:`UnavailableError` where DuckDB is not installed.
+    """
+
+    def __init__(self, stored: Sequence[_Stored], part_of: "Scene | None" = None) -> None:
+        self._stored = tuple(stored)
+        self._part_of = part_of
+
+    @classmethod
+    def open(cls, *folders: str | os.PathLike[str]) -> "Scene":
+        """The complete runs in these folders.
+
+        Track numbers of the second folder and those behind it are raised, so that no two objects
+        share one. Raises :class:`InputError` where there is no scene, one of another version, no
+        row in all of them, or two calibrations under the name of one camera.
+        """
+        paths = [Path(folder) for folder in folders]
+        if len({path.resolve() for path in paths}) < len(paths):
+            raise InputError(f"{', '.join(map(str, paths))}: a folder is named twice")
+        stored: list[_Stored] = []
+        offset = 0
+        for path in paths:
+            runs = complete_runs(path)
+            if not runs:
+                raise InputError(f"{path}: holds no scene: no complete run in its folder runs/")
+            stored += [_Stored(path, run, offset) for run in runs]
+            offset += runs[-1].track_base + RUN_TRACKS
+        if not any(one.run.rows for one in stored):
+            raise InputError(
+                f"{', '.join(map(str, paths))}: the scene is empty: nobody was tracked"
+            )
+        _check_cameras(stored)
+        return cls(stored)
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """The cameras' names."""
+        return tuple(sorted({one.run.camera for one in self._stored}))
+
+    @property
+    def classes(self) -> dict[str, int]:
+        """The classes that are there, with their numbers of rows."""
+        total: Counter[str] = Counter()
+        for one in self._stored:
+            total.update(one.run.classes)
+        return dict(sorted(total.items()))
+
+    @property
+    def runs(self) -> tuple[Run, ...]:
+        """The manifests, in the order of the rows."""
+        return tuple(one.run for one in self._stored)
+
+    def only(self, run: str) -> "Scene":
+        """One of the runs, alone; raises :class:`InputError` for one that is not there."""
+        _check_there([run], [one.run.run for one in self._stored], "run")
+        return Scene([one for one in self._stored if one.run.run == run], self)
+
+    def __len__(self) -> int:
+        return sum(one.run.rows for one in self._stored)
+
+    def camera_file(self, camera: str) -> Path:
+        """The calibration of a camera; raises :class:`InputError` for one that is not there."""
+        _check_there([camera], self.cameras, "camera")
+        folder = next(one.folder for one in self._stored if one.run.camera == camera)
+        return camera_path(folder, camera)
+
+    def rows(
+        self,
+        *,
+        begin: Moment | None = None,
+        end: Moment | None = None,
+        classes: Sequence[str] | None = None,
+        cameras: Sequence[str] | None = None,
+        tracks: Sequence[int] | np.ndarray | None = None,
+        within_m: Rectangle | None = None,
+        observed: bool | None = None,
+        columns: Sequence[str] | None = None,
+    ) -> Table:
+        """An Arrow table (for pyarrow, pandas, Polars, DuckDB) of the rows, by run, then by part.
+
+        ``columns`` names those wanted, in their order; see :mod:`scene4d.store.schema`.
+        """
+        names = COLUMN_NAMES if columns is None else tuple(columns)
+        _check_there(names, COLUMN_NAMES, "column")
+        asked = _Question(begin, end, classes, cameras, tracks, within_m, observed)
+        return self._answer(asked, ", ".join(map(_name, names)))
+
+    def tracks(
+        self,
+        *,
+        begin: Moment | None = None,
+        end: Moment | None = None,
+        classes: Sequence[str] | None = None,
+        cameras: Sequence[str] | None = None,
+        tracks: Sequence[int] | np.ndarray | None = None,
+        within_m: Rectangle | None = None,
+        observed: bool | None = None,
+    ) -> Tracks:
+        """The same as :class:`Tracks`, ordered by (track, time), numbered as in the scene."""
+        asked = _Question(begin, end, classes, cameras, tracks, within_m, observed)
+        return from_table(
+            self._answer(asked, ", ".join(map(_with_nan, COLUMNS)), "ORDER BY track, time_s")
+        )
+
+    def sql(self, query: str) -> Table:
+        """What DuckDB answers to a query on the view ``scene``, which has all rows.
+
+        ``scene.sql("SELECT class, count(*) FROM scene GROUP BY class")``
+        """
+        parts = [(one, part) for one in self._stored for part in one.run.parts]
+        with self._asking(parts) as cursor:
+            cursor.execute(f"CREATE OR REPLACE TEMP VIEW scene AS {_source(parts)}")
+            answer = cursor.sql(query)
+            if answer is None:
+                raise InputError(f"query: {query!r} asks nothing, expected a SELECT")
+            return _in_utc(Table.from_arrow(answer))
+
+    def _answer(self, asked: _Question, columns: str, order: str = "") -> Table:
+        _check_range(asked.begin, asked.end)
+        if asked.classes is not None:
+            _check_there(asked.classes, self.classes, "class")
+        if asked.cameras is not None:
+            _check_there(asked.cameras, self.cameras, "camera")
+        conditions = _conditions(asked)
+        parts = self._parts(asked)
+        if not parts:  # the types are those of any part
+            parts = next([(one, part)] for one in self._stored for part in one.run.parts)
+            conditions.append("false")
+        where = " AND ".join(conditions) or "true"
+        query = f"SELECT {columns} FROM ({_source(parts)}) WHERE {where} {order}"
+        with self._asking(parts) as cursor:
+            return _in_utc(Table.from_arrow(cursor.sql(query)))
+
+    def _parts(self, asked: _Question) -> list[tuple[_Stored, Part]]:
+        """The files that can hold an answer."""
+        stored = [o for o in self._stored if asked.cameras is None or o.run.camera in asked.cameras]
+        if any(isinstance(moment, datetime) for moment in (asked.begin, asked.end)):
+            stored = [one for one in stored if one.run.start_known]
+            if not stored:
+                raise InputError(
+                    "begin, end: when the footage began is not known; ask in seconds from its start"
+                )
+        return [
+            (one, part)
+            for one in stored
+            for part in one.run.parts
+            if _reaches(one.run, part, asked.begin, asked.end)
+        ]
+
+    @cached_property
+    def _connection(self) -> Any:
+        if self._part_of is not None:  # starting another DuckDB takes longer than a small question
+            return self._part_of._connection
+        try:
+            import duckdb
+        except ImportError as error:
+            raise UnavailableError(
+                "reading scenes needs DuckDB: pip install 'scene4d[query]'"
+            ) from error
+        return duckdb.connect(config=_ALONE)
+
+    @contextmanager
+    def _asking(self, parts: Sequence[tuple[_Stored, Part]]) -> Iterator[Any]:
+        connection = self._connection
+        import duckdb
+
+        # What is wrong with a query, whatever the files hold.
+        asked_wrongly = (
+            duckdb.ParserException,
+            duckdb.BinderException,
+            duckdb.CatalogException,
+            duckdb.ConversionException,
+            duckdb.OutOfRangeException,
+        )
+        for one, part in parts:
+            _check_part(one, part)
+        try:
+            with connection.cursor() as cursor:
+                yield cursor
+        except InputError:
+            raise
+        except Exception as error:  # of DuckDB, or a bare one where rows stop on their way here
+            if not isinstance(error, asked_wrongly):
+                _blame(connection, parts)
+            raise InputError(f"query: {error}") from error
+
+
+def _check_cameras(stored: Sequence[_Stored]) -> None:
+    said: dict[str, tuple[Path, Any]] = {}
+    for one in stored:
+        path = camera_path(one.folder, one.run.camera)
+        first, calibration = said.setdefault(one.run.camera, (path, read_json(path)))
+        if path != first and read_json(path) != calibration:
+            raise InputError(
+                f"{path}: camera {one.run.camera!r} has another calibration in {first}; open these "
+                "folders apart"
+            )
+
+
+def _check_there(wanted: Sequence[str], there: Sequence[str] | dict[str, int], what: str) -> None:
+    if isinstance(wanted, str):
+        raise InputError(f"{what}: found the text {wanted!r}, expected a list of names")
+    if not len(wanted):
+        raise InputError(f"{what}: found an empty list, expected names, or None for all")
+    missing = [name for name in wanted if name not in there]
+    if missing:
+        raise InputError(f"{what} {missing[0]!r} is not in the scene; there: {', '.join(there)}")
+
+
+def _check_range(begin: Moment | None, end: Moment | None) -> None:
+    for name, moment in (("begin", begin), ("end", end)):
+        if isinstance(moment, datetime):
+            if moment.tzinfo is None:
+                raise InputError(f"{name}: {moment.isoformat()} has no time zone, expected one")
+        elif moment is not None and np.isnan(moment):
+            raise InputError(f"{name}: is NaN, expected seconds or a moment")
+    if begin is None or end is None:
+        return
+    if isinstance(begin, datetime) is not isinstance(end, datetime):
+        raise InputError("begin, end: one is a moment, one in seconds; expected the same of both")
+    if begin >= end:  # type: ignore[operator]
+        raise InputError(f"begin {begin} is not before end {end}")
+
+
+def _reaches(run: Run, part: Part, begin: Moment | None, end: Moment | None) -> bool:
+    """Whether a part can have rows in a range of time."""
+    first, last = (
+        _ns(moment) if isinstance(moment, datetime) else moment for moment in (begin, end)
+    )
+    in_ns = isinstance(begin, datetime) or isinstance(end, datetime)
+    part_begin = run.moment_ns(part.begin_s) if in_ns else part.begin_s
+    part_end = run.moment_ns(part.end_s) if in_ns else part.end_s
+    return (first is None or part_end >= first) and (last is None or part_begin < last)
+
+
+def _conditions(asked: _Question) -> list[str]:
+    conditions = []
+    for sign, moment in ((">=", asked.begin), ("<", asked.end)):
+        if isinstance(moment, datetime):
+            utc = moment.astimezone(UTC).replace(tzinfo=None).isoformat(" ")
+            conditions.append(f"time {sign} '{utc}+00'::TIMESTAMPTZ_NS")
+        elif moment is not None:
+            conditions.append(f"time_s {sign} {_number(moment)}")
+    for name, wanted in (("class", asked.classes), ("camera", asked.cameras)):
+        if wanted is not None:
+            conditions.append(f"{_name(name)} IN ({', '.join(map(_text, wanted))})")
+    if asked.tracks is not None:
+        numbers = ", ".join(str(int(track)) for track in asked.tracks)
+        conditions.append(f"track IN ({numbers})" if numbers else "false")
+    if asked.within_m is not None:
+        x0, y0, x1, y1 = asked.within_m
+        if not (x0 <= x1 and y0 <= y1):
+            raise InputError(f"within_m: found {asked.within_m}, expected x0 <= x1 and y0 <= y1")
+        conditions.append(f"x_m BETWEEN {_number(x0)} AND {_number(x1)}")
+        conditions.append(f"y_m BETWEEN {_number(y0)} AND {_number(y1)}")
+    if asked.observed is not None:
+        conditions.append("observed" if asked.observed else "NOT observed")
+    return conditions
+
+
+def _source(parts: Sequence[tuple[_Stored, Part]]) -> str:
+    """SQL for all rows of these parts, in their order."""
+    files: dict[int, list[str]] = {}
+    for one, part in parts:
+        files.setdefault(one.track_offset, []).append(_pattern(one.folder / part.path))
+    return " UNION ALL ".join(
+        f"SELECT * {f'REPLACE (track + {offset} AS track)' if offset else ''} "
+        f"FROM read_parquet([{', '.join(paths)}], hive_partitioning = false)"
+        for offset, paths in files.items()
+    )
+
+
+def _with_nan(column: Any) -> str:
+    """A column as :func:`from_table` wants it."""
+    name = _name(column.name)
+    if column.name in KEYPOINT_COLUMNS:
+        return (
+            f"coalesce(list_transform({name}, lambda x: coalesce(x, 'nan'::FLOAT)), []) AS {name}"
+        )
+    if column.nullable:
+        return f"coalesce({name}, 'nan'::DOUBLE) AS {name}"
+    return name
+
+
+def _check_part(one: _Stored, part: Part) -> None:
+    path = one.folder / part.path
+    try:
+        found = path.stat().st_size
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read: {error.strerror}; if run {one.run.run!r} was written again "
+            "meanwhile, open the scene again"
+        ) from error
+    if found != part.bytes:
+        raise InputError(
+            f"{path}: is damaged: has {found} bytes, run {one.run.run!r} wrote {part.bytes}; track "
+            "again"
+        )
+
+
+def _blame(connection: Any, parts: Sequence[tuple[_Stored, Part]]) -> None:
+    """Name the part that cannot be read, if it is one."""
+    for one, part in parts:
+        try:
+            with connection.cursor() as cursor:
+                Table.from_arrow(cursor.sql(_source([(one, part)])))
+        except Exception as error:
+            raise InputError(
+                f"{one.folder / part.path}: is damaged: {str(error).splitlines()[0]}; track again"
+            ) from error
+
+
+def _in_utc(table: Table) -> Table:
+    """Times under the zone UTC, and not under the one of this computer."""
+    utc = DataType.timestamp("ns", tz="UTC")
+    for i, name in enumerate(table.column_names):
+        kind = table.schema.field(name).type
+        if DataType.is_timestamp(kind) and kind.tz is not None and kind != utc:
+            table = table.set_column(i, Field(name, utc), table.column(i).cast(utc))
+    return table
+
+
+def _ns(moment: datetime) -> int:
+    return (moment - _EPOCH) // timedelta(microseconds=1) * 1000
+
+
+def _name(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"'
+
+
+def _text(value: str) -> str:
+    return "'" + value.replace("'", "''") + "'"
+
+
+def _number(value: float | int) -> str:
+    """Through text, since 0.1 is a decimal number in SQL."""
+    return f"'{float(value)!r}'::DOUBLE"
+
+
+def _pattern(path: Path) -> str:
+    """A path as the pattern that only it matches."""
+    return _text("".join(f"[{c}]" if c in "[*?" else c for c in str(path)))

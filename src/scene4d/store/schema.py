@@ -1,0 +1,269 @@
+"""What the columns of a scene are, and how :class:`~scene4d.core.Tracks` become them.
+
+The files hold no NaN: what is not known is null, so that ``avg``, ``min`` and ``count`` of any SQL
+engine, and the statistics by which readers skip row groups, mean what they say. Floats are stored
+as they are (float64), keypoints as float32, which is 0.0003 pixels in a picture 4096 wide.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from arro3.core import Array, DataType, Field, Table, list_array, list_flatten, list_offsets
+from jaxtyping import Float
+
+from scene4d.core.errors import InputError
+from scene4d.core.tracks import CLASSES, Tracks
+
+SCENE_SCHEMA = "scene4d/scene/1"
+"""Name and version of what is written here, and the only one that is read."""
+RUN_TRACKS = 10**9
+"""Track numbers that a run has for itself: the n-th run of a scene begins at n times this."""
+LONGEST_S = 2e9
+"""Footage is shorter than this; 64 bits of nanoseconds hold 9e9 s."""
+_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of a scene: its name, Arrow type, unit, and whether it can be null."""
+
+    name: str
+    type: str
+    unit: str
+    nullable: bool = True
+
+
+COLUMNS: tuple[Column, ...] = (
+    Column("camera", "dictionary<int32, string>", "", nullable=False),
+    Column("track", "int64", "", nullable=False),
+    Column("class", "dictionary<int32, string>", "", nullable=False),
+    Column("time", "timestamp[ns, UTC]", "", nullable=False),
+    Column("time_s", "float64", "s from the clip's start", nullable=False),
+    Column("frame", "int64", "from 0", nullable=False),
+    Column("x_m", "float64", "m"),
+    Column("y_m", "float64", "m"),
+    Column("var_xx", "float64", "m²"),
+    Column("var_xy", "float64", "m²"),
+    Column("var_yy", "float64", "m²"),
+    Column("shared_xx", "float64", "m²"),
+    Column("shared_xy", "float64", "m²"),
+    Column("shared_yy", "float64", "m²"),
+    Column("vx_mps", "float64", "m/s"),
+    Column("vy_mps", "float64", "m/s"),
+    Column("var_vxx", "float64", "m²/s²"),
+    Column("var_vxy", "float64", "m²/s²"),
+    Column("var_vyy", "float64", "m²/s²"),
+    Column("heading_rad", "float64", "rad, from +X to +Y"),
+    Column("heading_sigma_rad", "float64", "rad"),
+    Column("x1", "float64", "px of the footage"),
+    Column("y1", "float64", "px of the footage"),
+    Column("x2", "float64", "px of the footage"),
+    Column("y2", "float64", "px of the footage"),
+    Column("keypoint_u", "list<float32>", "px of the footage"),
+    Column("keypoint_v", "list<float32>", "px of the footage"),
+    Column("keypoint_score", "list<float32>", "0 to 1"),
+    Column("score", "float64", "0 to 1"),
+    Column("observed", "bool", "", nullable=False),
+)
+"""The columns of a scene, in order. ``var_`` is the independent part of a covariance, ``shared_``
+what the camera's own error adds to every row. ``time`` is UTC, counted from 1970-01-01 where the
+footage's start is not known. Positions are on the ground in the camera's metres, Z up."""
+COLUMN_NAMES: tuple[str, ...] = tuple(column.name for column in COLUMNS)
+KEYPOINT_COLUMNS: tuple[str, ...] = ("keypoint_u", "keypoint_v", "keypoint_score")
+
+
+def arrow_type(column: Column) -> DataType:
+    """The Arrow type that a column's ``type`` names."""
+    types = {
+        "int64": DataType.int64(),
+        "float64": DataType.float64(),
+        "bool": DataType.bool(),
+        # 32 bits: what pyarrow makes of the folder camera=NAME, or else it refuses the file.
+        "dictionary<int32, string>": DataType.dictionary(DataType.int32(), DataType.utf8()),
+        "timestamp[ns, UTC]": DataType.timestamp("ns", tz="UTC"),
+        "list<float32>": DataType.list(Field("element", DataType.float32(), nullable=True)),
+    }
+    return types[column.type]
+
+
+def time_ns(time_s: Float[np.ndarray, "n"], start_ns: int) -> np.ndarray:
+    """Nanoseconds since 1970 of seconds from the clip's start, (n,) int64."""
+    whole = np.floor(time_s)  # apart, since 1e9 s in ns no longer fit a float
+    parts = np.rint((time_s - whole) * _NS).astype(np.int64)
+    total: np.ndarray = start_ns + whole.astype(np.int64) * _NS + parts
+    return total
+
+
+def check_tracks(tracks: Tracks) -> None:
+    """Raise :class:`InputError` for rows that a scene cannot hold, naming the first of them."""
+    reasons = (
+        (~np.isin(tracks.class_name, CLASSES), "class_name", f"one of {', '.join(CLASSES)}"),
+        (~(np.abs(tracks.time_s) < LONGEST_S), "time_s", f"seconds below {LONGEST_S:.0e}"),
+        (~((tracks.track >= 0) & (tracks.track < RUN_TRACKS)), "track", f"0 to {RUN_TRACKS - 1}"),
+    )
+    for bad, name, expected in reasons:
+        if bad.any():
+            row = int(np.argmax(bad))
+            found = getattr(tracks, name)[row].item()
+            raise InputError(f"tracks: row {row}: {name} is {found!r}, expected {expected}")
+
+
+def to_table(tracks: Tracks, *, camera: str, start_ns: int, track_base: int) -> Table:
+    """Arrow columns of checked tracks: :data:`COLUMNS`, with null wherever there is NaN.
+
+    ``track_base`` is added to the track numbers. Keypoints are null where a row has none: no
+    place known and no score above 0.
+    """
+    n = len(tracks)
+    nulls = _Nulls()
+    columns = {
+        "camera": _words(np.zeros(n, np.uint8), (camera,)),
+        "track": Array.from_numpy(tracks.track.astype(np.int64) + track_base),
+        "class": _words(*_codes(tracks.class_name)),
+        "time": Array.from_numpy(time_ns(tracks.time_s, start_ns)),
+        "frame": Array.from_numpy(tracks.frame.astype(np.int64)),
+        "observed": Array.from_numpy(np.ascontiguousarray(tracks.observed)),
+    }
+    for name, values in _floats(tracks).items():
+        columns[name] = nulls.put(np.ascontiguousarray(values, np.float64))
+    columns |= _keypoints(tracks)
+    # Types by cast: numpy knows neither time zones nor dictionaries.
+    typed = {c.name: columns[c.name].cast(arrow_type(c)) for c in COLUMNS}
+    return Table.from_pydict(typed)
+
+
+def from_table(table: Table) -> Tracks:
+    """Tracks of Arrow columns in which NaN stands for null again, and no list is null.
+
+    Raises :class:`InputError` where rows have different skeletons. A row without keypoints gets
+    NaN for their places and 0 for their scores, covariances are symmetric.
+    """
+    found = {
+        c.name: _numpy(table, c.name)
+        for c in COLUMNS
+        if c.name not in {"camera", "time", "class", *KEYPOINT_COLUMNS}
+    }
+    u, v, score = (_lists(table, name) for name in KEYPOINT_COLUMNS)
+    return Tracks(
+        track=found["track"],
+        class_name=np.array(table["class"].to_pylist(), dtype=str),
+        time_s=found["time_s"],
+        frame=found["frame"],
+        xy_m=_vectors(found, "x_m", "y_m"),
+        covariance_m2=_matrices(found, "var_xx", "var_xy", "var_yy"),
+        shared_covariance_m2=_matrices(found, "shared_xx", "shared_xy", "shared_yy"),
+        velocity_mps=_vectors(found, "vx_mps", "vy_mps"),
+        velocity_covariance=_matrices(found, "var_vxx", "var_vxy", "var_vyy"),
+        heading_rad=found["heading_rad"],
+        heading_sigma_rad=found["heading_sigma_rad"],
+        box_xyxy=_vectors(found, "x1", "y1", "x2", "y2"),
+        keypoint_uv=np.stack([u, v], axis=-1),
+        keypoint_score=score,
+        score=found["score"],
+        observed=found["observed"],
+    )
+
+
+def _floats(tracks: Tracks) -> dict[str, np.ndarray]:
+    columns = {
+        "time_s": tracks.time_s,
+        "heading_rad": tracks.heading_rad,
+        "heading_sigma_rad": tracks.heading_sigma_rad,
+        "score": tracks.score,
+    }
+    columns |= zip(("x_m", "y_m"), tracks.xy_m.T, strict=True)
+    columns |= zip(("vx_mps", "vy_mps"), tracks.velocity_mps.T, strict=True)
+    columns |= zip(("x1", "y1", "x2", "y2"), tracks.box_xyxy.T, strict=True)
+    for prefix, matrix in (
+        ("var_", tracks.covariance_m2),
+        ("shared_", tracks.shared_covariance_m2),
+        ("var_v", tracks.velocity_covariance),
+    ):
+        for name, (i, j) in (("xx", (0, 0)), ("xy", (0, 1)), ("yy", (1, 1))):
+            columns[prefix + name] = matrix[:, i, j]
+    return columns
+
+
+class _Nulls:
+    """Puts null where there is NaN.
+
+    arro3 makes no nulls of NumPy arrays, but two of its kernels together do: casting NaN to an
+    integer gives null, and taking the row number null gives null.
+    """
+
+    def __init__(self) -> None:
+        self._missing = np.zeros(0, bool)
+        self._rows: Array | None = None
+
+    def put(self, values: np.ndarray) -> Array:
+        missing = np.isnan(values)
+        column = Array.from_numpy(values)
+        if not missing.any():
+            return column
+        # Columns that belong together miss the same rows.
+        if self._rows is None or not np.array_equal(missing, self._missing):
+            rows = np.where(missing, np.nan, np.arange(len(values)))
+            self._missing, self._rows = missing, Array.from_numpy(rows).cast(DataType.uint32())
+        return column.take(self._rows)
+
+
+def _codes(class_name: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
+    order = np.argsort(CLASSES)
+    codes = order[np.searchsorted(CLASSES, class_name, sorter=order)]
+    return codes.astype(np.uint8), CLASSES
+
+
+def _words(codes: np.ndarray, words: tuple[str, ...]) -> Array:
+    return Array(list(words), DataType.utf8()).take(Array.from_numpy(codes))
+
+
+def _keypoints(tracks: Tracks) -> dict[str, Array]:
+    k = tracks.keypoint_uv.shape[1]
+    u, v = tracks.keypoint_uv[:, :, 0], tracks.keypoint_uv[:, :, 1]
+    score = tracks.keypoint_score
+    none = (np.isnan(u) & np.isnan(v) & ~(score > 0)).all(axis=1)
+    offsets = np.concatenate([[0], np.cumsum(np.where(none, 0, k))])
+    nulls = _Nulls()
+    columns = {}
+    for name, values in zip(KEYPOINT_COLUMNS, (u, v, score), strict=True):
+        content = nulls.put(values[~none].astype(np.float32, copy=False).ravel())
+        columns[name] = list_array(
+            Array.from_numpy(offsets.astype(np.int32)),
+            content,
+            type=DataType.list(Field("element", DataType.float32(), nullable=True)),
+            mask=Array.from_numpy(none),
+        )
+    return columns
+
+
+def _numpy(table: Table, name: str) -> np.ndarray:
+    if not table.num_rows:  # arro3 cannot join zero chunks
+        return np.zeros(0, {"track": np.int64, "frame": np.int64, "observed": bool}.get(name))
+    return np.asarray(table[name].to_numpy())
+
+
+def _vectors(found: dict[str, np.ndarray], *names: str) -> np.ndarray:
+    return np.column_stack([found[name] for name in names])
+
+
+def _matrices(found: dict[str, np.ndarray], xx: str, xy: str, yy: str) -> np.ndarray:
+    four = _vectors(found, xx, xy, xy, yy)
+    return four.reshape(-1, 2, 2)
+
+
+def _lists(table: Table, name: str) -> np.ndarray:
+    """Lists of one length as a matrix; the rows of empty ones say that nothing is known."""
+    if not table.num_rows:
+        return np.zeros((0, 0))
+    column = table[name].combine_chunks()
+    lengths = np.diff(list_offsets(column).to_numpy())
+    known = np.unique(lengths[lengths > 0])
+    if len(known) > 1:
+        raise InputError(
+            f"the rows have skeletons of {' and '.join(str(k) for k in known)} keypoints; "
+            "ask for one camera at a time"
+        )
+    k = int(known[0]) if len(known) else 0
+    matrix = np.full((len(lengths), k), 0.0 if name == "keypoint_score" else np.nan)
+    matrix[lengths > 0] = list_flatten(column).to_numpy().reshape(-1, k) if k else 0.0
+    return matrix

@@ -1,0 +1,81 @@
+"""Where everything that was seen stands, before anybody knows whose track it is."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
+from scene4d.core.people import Detections
+from scene4d.core.tracks import CLASSES, VEHICLES, Located
+from scene4d.tracking.people import locate_people
+from scene4d.tracking.vehicles import locate_vehicles
+
+HIDDEN_SHARE = 0.3
+"""Share of a box's lower edge that may be covered before it is not the object's own."""
+_NAME = f"<U{max(map(len, CLASSES))}"
+
+
+def known_classes(detections: Detections) -> tuple[Detections, int]:
+    """The rows of classes that a scene holds, and how many others there were."""
+    kept = np.isin(detections.class_name, CLASSES)
+    few = detections.select(kept)
+    return replace(few, class_name=few.class_name.astype(_NAME)), int((~kept).sum())
+
+
+def place(
+    detections: Detections,
+    camera: Camera,
+    person_height_m: float,
+    bottom_hidden: Bool[np.ndarray, "n"],
+) -> Located:
+    """Ground positions of people and vehicles.
+
+    ``bottom_hidden`` is that of :func:`bottoms_hidden`, in frames with all that was seen.
+    """
+    found = Located.nowhere(len(detections))
+    people = detections.class_name == "person"
+    if people.any():
+        located = locate_people(detections.select(people), camera, height_m=float(person_height_m))
+        found = found.put(people, located)
+    vehicles = np.isin(detections.class_name, VEHICLES)
+    if vehicles.any():
+        located = locate_vehicles(
+            detections.select(vehicles), camera, bottom_hidden=bottom_hidden[vehicles]
+        )
+        found = found.put(vehicles, located)
+    return found
+
+
+def bottoms_hidden(detections: Detections) -> Bool[np.ndarray, "n"]:
+    """Boxes of whose lower edge another box of the frame, that reaches further down, covers more
+    than :data:`HIDDEN_SHARE`: what stands before them hides where they touch the ground.
+    """
+    hidden = np.zeros(len(detections), bool)
+    order = np.argsort(detections.frame, kind="stable")
+    starts = np.flatnonzero(np.diff(detections.frame[order], prepend=-1))
+    for rows in np.split(order, starts[1:]) if len(order) else []:
+        x1, y1, x2, y2 = detections.box_xyxy[rows].T
+        across = np.minimum(x2[:, None], x2) - np.maximum(x1[:, None], x1)
+        before = (y2[None] > y2[:, None] + 1) & (y1[None] < y2[:, None])
+        covered = np.where(before, np.clip(across, 0, None), 0.0).max(axis=1)
+        hidden[rows] = covered > HIDDEN_SHARE * (x2 - x1)
+    return hidden
+
+
+def shared_covariance(
+    calibration: Calibration, xy_m: Float[np.ndarray, "n 2"]
+) -> Float[np.ndarray, "n 2 2"]:
+    """What the camera's own error adds to ground positions (n, 2); NaN where there is none."""
+    found = np.full((len(xy_m), 2, 2), np.nan)
+    rows = np.isfinite(xy_m).all(axis=1)
+    camera = calibration.camera
+    assert camera is not None
+    if not calibration.parameter_covariance.any():
+        found[rows] = 0.0
+        return found
+    uv, seen = camera.project(np.column_stack([xy_m[rows], np.zeros(int(rows.sum()))]))
+    rows[rows] = seen
+    found[rows] = calibration.ground_covariance(camera.distort(uv[seen]), from_camera=True)[0]
+    return found

@@ -1,0 +1,213 @@
+"""Figures of an evaluation: which there are, whom they show, and that what they draw is so."""
+
+from dataclasses import replace
+
+import cv2
+import evaluation_scenes as scenes
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import report_scenes
+from scene4d.core.errors import InputError
+from scene4d.evaluation import NearPairs, Roc, Setting, near_figures
+from scene4d.evaluation.pages import FIGURES, draw_evaluation
+from scene4d.evaluation.pages.dotplot import axis_limit, draw_settings
+from scene4d.evaluation.pages.headline import headlines
+from scene4d.evaluation.pages.near import auc_of, auc_text, near_share, roc_outcomes, zoom_corner
+from scene4d.evaluation.pages.pictures import label_offsets
+from scene4d.evaluation.pages.places import both_grids
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return scenes.whole()
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    return scenes.drawn()
+
+
+def test_all_figures_are_there_in_order(drawn):
+    assert list(drawn) == [name for name in FIGURES if name != "ground_other"]
+
+
+@pytest.mark.parametrize("name", [name for name in FIGURES if name != "ground_other"])
+def test_figures_are_pictures_and_nothing_is_cut_off(drawn, name):
+    pixels = cv2.imdecode(np.frombuffer(drawn[name], np.uint8), cv2.IMREAD_COLOR)
+    assert 900 <= pixels.shape[1] <= 1300 and 400 <= pixels.shape[0] <= 1400
+    assert pixels.reshape(-1, 3).std(axis=0).min() > 10
+    assert (pixels[-3:] == 255).all(), "something is cut off at the lower edge"
+    assert (pixels[:, -2:] == 255).all() or pixels.shape[1] == 1260  # pictures fill the width
+
+
+def test_the_same_evaluation_gives_the_same_bytes(whole, drawn):
+    assert draw_evaluation(whole) == drawn
+
+
+def test_a_map_of_the_ground_is_enough():
+    known = scenes.reference(scenes.ground_map(report_scenes.camera()))
+    evaluation = scenes.evaluation(known, image_bgr=scenes.picture())
+    assert list(draw_evaluation(evaluation)) == [n for n in FIGURES if n != "ground_other"]
+
+
+def test_figures_without_data_are_left_out(whole):
+    without = replace(whole, image_bgr=None)
+    assert set(FIGURES) - set(draw_evaluation(without)) == {"points", "ground_other"}
+    blind = [replace(o, near=None) for o in whole.outcomes]
+    assert {"near", "roc", "reliability"}.isdisjoint(
+        draw_evaluation(replace(whole, outcomes=tuple(blind)))
+    )
+    joint = tuple(o for o in whole.outcomes if o.setting == scenes.JOINT)
+    assert {"consensus", "ground_paper"}.isdisjoint(draw_evaluation(replace(whole, outcomes=joint)))
+    nobody = tuple(scenes.refused(scenes.JOINT, "no reason"))
+    assert list(draw_evaluation(replace(whole, outcomes=nobody))) == ["points"]
+
+
+def test_a_bare_camera_of_a_user_is_drawn():
+    """As ``evaluate custom``: no people, no picture, no covariance, three points."""
+    known = replace(scenes.park(), n_points=3)
+    setting = Setting("camera.krtd", "given", "points.csv")
+    bare = scenes.line(setting, known, scale=1.01)[0]
+    assert bare.calibration is not None
+    alone = replace(bare.calibration, segments=None, inlier=None, covariance=None)
+    evaluation = scenes.evaluation(
+        known, outcomes=(replace(bare, calibration=alone),), published=None, image_bgr=None
+    )
+    names = {"settings", "ground_other", "alignment", "near", "roc", "reliability"}
+    assert set(draw_evaluation(evaluation)) == names
+
+
+def test_a_picture_of_another_size_is_refused(whole):
+    with pytest.raises(InputError, match=r"\(576, 768, 3\)"):
+        draw_evaluation(replace(whole, image_bgr=np.zeros((10, 10, 3), np.uint8)))
+
+
+def test_headlines_are_the_first_that_count_and_not_the_best(whole):
+    paper, joint = headlines(whole)
+    assert (paper.setting, paper.outcome.person_height_m) == (scenes.PAPER, 1.7018)
+    assert (joint.setting, joint.outcome.person_height_m) == (scenes.JOINT, 1.70)
+    # The circular line comes first and is exact, so the rule is seen to look past it.
+    circular = [o for o in whole.outcomes if o.setting.circular]
+    assert min(o.error.mean_m for o in circular) < 1e-6 < joint.error.mean_m
+    better = Setting("better", "joint", "lens")
+    more = replace(
+        whole, outcomes=(*whole.outcomes, *scenes.line(better, whole.reference, focal=1.01))
+    )
+    assert headlines(more)[1].setting == scenes.JOINT
+
+
+def test_the_lines_to_show_are_marked_before_anything_is_measured():
+    """The marked line where it has a result, whoever scores better; else the first that has one."""
+    known = scenes.park()
+    lines = {
+        (footage, method): Setting(footage, method, "lens", headline=footage == "marked")
+        for footage in ("first", "marked")
+        for method in ("paper", "joint")
+    }
+    outcomes = (
+        *scenes.line(lines["first", "paper"], known, scale=1.01),
+        *scenes.line(lines["first", "joint"], known, focal=1.01),
+        *scenes.refused(lines["marked", "paper"], "only 2 people agree"),
+        *scenes.line(lines["marked", "joint"], known, focal=1.08),
+    )
+    shown = headlines(scenes.evaluation(known, outcomes=outcomes))
+    assert [s.setting.footage for s in shown] == ["first", "marked"]
+
+
+def test_a_line_that_was_refused_at_the_wanted_height_gives_way(whole):
+    gone = [
+        replace(o, error=None, near=None, reason="gone")
+        if o.setting == scenes.PAPER and o.person_height_m == 1.7018
+        else o
+        for o in whole.outcomes
+    ]
+    assert [s.method for s in headlines(replace(whole, outcomes=tuple(gone)))] == ["joint"]
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.1])
+@pytest.mark.parametrize("ground_only", [False, True])
+def test_the_true_grid_lies_on_the_estimated_one_only_where_the_camera_is_right(turn, ground_only):
+    camera = scenes.truth(turn)
+    if ground_only:
+        camera = replace(camera, distortion=np.zeros(5))
+        known = replace(scenes.reference(camera), truth=scenes.ground_map(camera))
+    else:
+        known = scenes.reference(camera)
+    lens = np.zeros(5) if ground_only else camera.distortion
+
+    def apart(focal: float) -> float:
+        estimate = report_scenes.camera(distortion=lens, focal_px=focal)
+        shown = scenes.outcome(scenes.JOINT, 1.70, known, estimate)
+        evaluation = scenes.evaluation(known, outcomes=(shown,))
+        lines, true, _ = both_grids(known, headlines(evaluation)[0])
+        assert len(lines) == len(true) > 4
+        gaps = [np.linalg.norm(a.uv - b, axis=1) for a, b in zip(lines, true, strict=True)]
+        return float(np.nanmax(np.concatenate(gaps)))
+
+    assert apart(1185.0) < 1e-3
+    assert apart(1.1 * 1185.0) > 5
+
+
+def test_the_share_of_near_pairs_by_hand():
+    # Thirty pairs at 2.05 m, all near; thirty at 4.05 m, a third; ten at 6 m, too few.
+    estimated = np.repeat([2.05, 4.05, 6.0], [30, 30, 10])
+    true = np.concatenate([np.full(30, 2.0), np.full(10, 3.9), np.full(20, 4.1), np.full(10, 6.0)])
+    share = near_share(NearPairs(true, estimated, np.zeros(70)))
+    np.testing.assert_allclose(share.distance_m, [2.05, 4.05])
+    np.testing.assert_allclose(share.share, [1, 1 / 3])
+    assert share.count.tolist() == [30, 30]
+    # From 1 to 1/3 over two metres: one half is passed three quarters of the way.
+    assert share.falls_below(0.5) == pytest.approx(2.05 + 0.75 * 2)
+    assert share.falls_below(0.2) is None
+
+
+def test_a_pair_beyond_the_horizon_is_never_near():
+    pairs = NearPairs(np.full(50, 2.0), np.append(np.full(30, 1.05), [np.inf] * 20), np.zeros(50))
+    assert near_share(pairs).count.tolist() == [30]
+
+
+def test_the_curves_are_those_of_the_papers_heights(whole):
+    for shown in headlines(whole):
+        curves = roc_outcomes(whole, shown)
+        assert [o.person_height_m for o, _ in curves] == [1.5748, 1.7018, 1.8288]
+        for outcome, roc in curves:
+            assert roc.auc == near_figures(outcome.near)["auc"] == auc_of(outcome.near)
+
+
+def test_an_auc_that_is_not_one_is_not_shown_as_one():
+    assert auc_text(1.0) == "1.0000"
+    assert auc_text(0.99999) == ">\u00a00.9999"
+    assert auc_text(0.98765) == "0.9877"
+    one_class = NearPairs(np.full(5, 9.0), np.full(5, 9.0), np.zeros(5))
+    assert auc_of(one_class) is None
+
+
+def test_the_corner_is_enlarged_only_where_the_curves_leave_room():
+    good = Roc(np.array([0, 0.0, 0.003, 1]), np.array([0, 0.98, 1, 1]))
+    x, y = zoom_corner([good])
+    assert 0.003 < x <= 0.01
+    assert 0.9 <= y < 0.98
+    poor = Roc(np.array([0, 0.5, 1]), np.array([0, 0.7, 1]))
+    assert zoom_corner([good, poor]) is None
+
+
+def test_one_failure_does_not_squeeze_the_others(whole):
+    far = scenes.line(Setting("far off", "joint", "nothing"), whole.reference, scale=9.0)
+    usual = axis_limit(whole)
+    assert axis_limit(replace(whole, outcomes=(*whole.outcomes, *far[:1]))) < 2 * usual
+    assert draw_settings(replace(whole, outcomes=(*whole.outcomes, *far[:1])))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 12))
+def test_labels_hide_neither_points_nor_one_another(seed, count):
+    rng = np.random.default_rng(seed)
+    at = np.column_stack([rng.uniform(0, 640, count), rng.uniform(0, 400, count)])
+    middle = at + label_offsets(at, np.zeros(2), np.array([640.0, 400.0]))
+    assert (middle > 0).all() and (middle < [640, 400]).all()
+    for k in range(count):
+        others = np.abs(middle[k] - np.delete(middle, k, axis=0))
+        assert not (others < [18, 14]).all(axis=1).any()

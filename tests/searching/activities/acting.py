@@ -1,0 +1,96 @@
+"""Tracks made by hand, and predicates whose values are written on them."""
+
+import numpy as np
+
+from scene4d.core.tracks import Tracks
+from scene4d.searching.predicates.registry import Parameter, Predicate
+from scene4d.searching.predicates.rows import Stage
+
+STEP_S = 0.2
+SIZE = (1920, 1080)
+
+
+def track(
+    number: int,
+    xy: np.ndarray | list,
+    *,
+    begin_s: float = 0.0,
+    kind: str = "person",
+    velocity: np.ndarray | None = None,
+    lit: np.ndarray | None = None,
+    box: np.ndarray | None = None,
+    sigma_m: float = 0.1,
+    step_s: float = STEP_S,
+) -> Tracks:
+    """One object at every step; ``lit`` is a probability per row that the fakes read."""
+    xy = np.atleast_2d(np.asarray(xy, float))
+    n = len(xy)
+    if velocity is None:
+        velocity = np.gradient(xy, step_s, axis=0) if n > 1 else np.zeros((n, 2))
+    time_s = begin_s + step_s * np.arange(n)
+    # Ten pixels a metre about the middle of the picture.
+    middle = np.array([960.0, 540.0]) + 10 * xy * [1, -1]
+    return Tracks(
+        track=np.full(n, number),
+        class_name=np.full(n, kind),
+        time_s=time_s,
+        frame=np.rint(time_s * 30).astype(int),
+        xy_m=xy,
+        covariance_m2=np.tile(np.eye(2) * sigma_m**2, (n, 1, 1)),
+        shared_covariance_m2=np.zeros((n, 2, 2)),
+        velocity_mps=velocity,
+        velocity_covariance=np.tile(np.eye(2) * 0.05**2, (n, 1, 1)),
+        heading_rad=np.arctan2(velocity[:, 1], velocity[:, 0]),
+        heading_sigma_rad=np.full(n, 0.2),
+        box_xyxy=np.hstack([middle - np.array([4, 17]), middle + np.array([4, 0])])
+        if box is None
+        else box,
+        keypoint_uv=np.zeros((n, 0, 2)),
+        keypoint_score=np.zeros((n, 0)),
+        score=np.ones(n) if lit is None else np.asarray(lit, float),
+        observed=np.ones(n, bool),
+    )
+
+
+def stage(*tracks: Tracks, step_s: float = STEP_S, **places) -> Stage:
+    """The tracks of a camera."""
+    ordered = sorted(tracks, key=lambda one: int(one.track[0]))
+    return Stage(Tracks.concatenate(ordered), SIZE, step_s, **places)
+
+
+def stay(xy, seconds: float, step_s: float = STEP_S) -> np.ndarray:
+    """Standing at a place."""
+    return np.tile(np.asarray(xy, float), (round(seconds / step_s), 1))
+
+
+def walk(start, end, *, speed: float = 1.4, step_s: float = STEP_S) -> np.ndarray:
+    """Straight from one place to the other, which is reached in the last row."""
+    start, end = np.asarray(start, float), np.asarray(end, float)
+    steps = max(1, int(np.linalg.norm(end - start) / (speed * step_s)))
+    return end - (end - start) * (np.arange(steps)[::-1] / steps)[:, None]
+
+
+def _lit(a):
+    return a.stage.tracks.score[a.index]
+
+
+def _sharp(a, b, *, tau_m=4.0):
+    apart = np.linalg.norm(a.xy_m - b.xy_m, axis=1)
+    return np.where(np.isnan(apart), np.nan, (apart < tau_m).astype(float))
+
+
+def _same_lit(a, b):
+    return np.sqrt(_lit(a) * _lit(b))
+
+
+def _none(a):
+    return np.full(len(a), np.nan)
+
+
+_TAU = {"tau_m": Parameter("tau_m", 4.0, "m", 0.0, 1000.0)}
+FAKES = {
+    "lit": Predicate("lit", 1, {}, _lit, "as written on the row"),
+    "near": Predicate("near", 2, _TAU, _sharp, "closer than tau_m"),
+    "both_lit": Predicate("both_lit", 2, {}, _same_lit, "as written on both rows"),
+    "unknown": Predicate("unknown", 1, {}, _none, "never known"),
+}

@@ -1,0 +1,192 @@
+"""Every phrase of the catalogue, in all its synonyms, is its activity."""
+
+import re
+from itertools import product
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lemminflect import getInflection
+from words_scenes import LINES, ZONES
+
+from scene4d.core.errors import InputError
+from scene4d.searching.activities.catalogue import load_catalogue
+from scene4d.searching.activities.definition import Activity, Phase, Role, Term
+from scene4d.searching.activities.known import PREDICATES
+from scene4d.searching.language import parse_query
+from scene4d.searching.language.lexicon import base_forms, read_lexicon
+from scene4d.searching.language.phrases import spelled
+
+CATALOGUE = load_catalogue()
+PHRASES = [(name, phrase) for name, a in CATALOGUE.items() for phrase in a.phrases]
+GENERAL = {"person": ("pedestrian", "someone", "a human", "the person", "man", "a woman"),
+           "vehicle": ("the vehicle", "a vehicle", "vehicles")}  # fmt: skip
+# Where the verb of each set stands in a search, and what that search is.
+OF_VERB = {
+    "enter": ("person {} vehicle", "person_enters_vehicle"),
+    "exit": ("person {} vehicle", "person_exits_vehicle"),
+    "open": ("person {} trunk", "person_opens_trunk"),
+    "close": ("person {} trunk", "person_closes_trunk"),
+    "load": ("person {} vehicle", "person_loads_vehicle"),
+    "unload": ("person {} vehicle", "person_unloads_vehicle"),
+    "stop": ("vehicle {}", "vehicle_stops"),
+    "start": ("vehicle {}", "vehicle_starts"),
+    "turn": ("vehicle {} left", "vehicle_turns_left"),
+    "u_turn": ("vehicle {}", "vehicle_makes_u_turn"),
+    "reverse": ("vehicle {}", "vehicle_reverses"),
+    "drop_off": ("vehicle {} person", "vehicle_drops_off_person"),
+    "pick_up": ("vehicle {} person", "vehicle_picks_up_person"),
+    "talk": ("person {} person", "person_talks_to_person"),
+    "talk_together": ("people {}", "person_talks_to_person"),
+    "meet": ("person {} person", "people_meet"),
+    "follow": ("person {} person", "person_follows_person"),
+    "form": ("crowd {}", "crowd_forms"),
+}
+SPELLED = [
+    (name, " ".join(words))
+    for name, (template, _) in OF_VERB.items()
+    for pattern in read_lexicon().verbs[name].words
+    for words in spelled(pattern)
+]
+
+
+def parsed(text):
+    return parse_query(text, CATALOGUE, ZONES, LINES)
+
+
+def what(activity):
+    """All of an activity but who may play in it, and its names."""
+    return activity.name, activity.phases, activity.relations
+
+
+@pytest.mark.parametrize(("name", "phrase"), PHRASES, ids=[p for _, p in PHRASES])
+def test_a_phrase_is_its_activity(name, phrase):
+    assert parsed(phrase).activity == CATALOGUE[name]
+
+
+@pytest.mark.parametrize(("name", "phrase"), PHRASES, ids=[p for _, p in PHRASES])
+def test_other_words_for_person_and_vehicle_change_nothing_else(name, phrase):
+    """Nouns that say no more than the kind give the very activity; each phrase has its turn."""
+    turn = PHRASES.index((name, phrase))
+    kinds = {kind: words[turn % len(words)] for kind, words in GENERAL.items()}
+    said = re.sub(r"\b(person|vehicle)\b", lambda found: kinds[found[1]], phrase)
+    said = re.sub(r"\bparked (a|the) ", r"\1 parked ", said)
+    assert parsed(said).activity == CATALOGUE[name], said
+
+
+@pytest.mark.parametrize("noun", ["car", "van", "truck", "bus", "lorry", "taxi", "motorbike"])
+@pytest.mark.parametrize("phrase", ["person enters vehicle", "vehicle turns left"])
+def test_kinds_of_vehicle_narrow_who_may_play_and_say_so(noun, phrase):
+    general, narrow = parsed(phrase), parsed(phrase.replace("vehicle", noun))
+    assert what(narrow.activity) == what(general.activity)
+    wide = {role.name: set(role.classes) for role in general.activity.roles}
+    for role in narrow.activity.roles:
+        assert set(role.classes) <= wide[role.name]
+        if "vehicle" in role.name:
+            assert set(role.classes) < wide[role.name]
+            assert "vehicle" in role.classes  # those of unknown kind
+    assert any(f'"{noun}" looks at' in note for note in narrow.notes)
+
+
+@pytest.mark.parametrize(("name", "verb"), SPELLED, ids=[v for _, v in SPELLED])
+def test_every_synonym_in_one_form_or_another(name, verb):
+    template, activity = OF_VERB[name]
+    tag = ("VBZ", "VBD", "VBN", "VBP")[SPELLED.index((name, verb)) % 4]
+    first, *rest = verb.split()
+    if first != "u-turn":
+        first = getInflection(first, tag)[0]
+    auxiliary = "has " if tag == "VBN" else ""
+    said = template.format(auxiliary + " ".join([first, *rest]))
+    assert what(parsed(said).activity) == what(CATALOGUE[activity])
+
+
+@pytest.mark.parametrize(
+    ("said", "same"),
+    [
+        ("vehicle picks person up", "vehicle picks up person"),
+        ("the car drops a man off", "the car drops off a man"),
+        ("person is picked up by a vehicle", "person is picked up"),
+        ("person opens the trunk of the vehicle", "person opens trunk"),
+        ("person opens the vehicle's boot", "person opens trunk"),
+        ("PERSON ENTERS VEHICLE!", "person enters vehicle"),
+        ("  person\tenters\n vehicle ", "person enters vehicle"),
+        ("show me when a person enters a vehicle", "person enters vehicle"),
+        ("person is entering vehicle", "person enters vehicle"),
+        ("a man and a woman meet", "two people meet"),
+        ("a person and another person talk", "people talk"),
+    ],
+)
+def test_said_otherwise(said, same):
+    one, other = parsed(said).activity, parsed(same).activity
+    assert (one.name, one.roles, one.phases) == (other.name, other.roles, other.phases)
+
+
+def test_all_sets_of_verbs_are_tried():
+    lexicon = read_lexicon()
+    used = " ".join(p for e in lexicon.states for p in (*e.verb, *e.relation))
+    assert all(name in OF_VERB or f"${name}" in used for name in lexicon.verbs)
+
+
+def test_the_lexicon_speaks_of_predicates_and_parameters_that_there_are():
+    lexicon = read_lexicon()
+    for entry in lexicon.states:
+        known = {*PREDICATES[entry.predicate].parameters, "lag_s"}
+        assert set(entry.values.values()) | set(entry.fixed) <= known, entry
+        assert all(name in PREDICATES for name in (*entry.replaces, entry.of_object) if name)
+    assert all(adjective.predicate in PREDICATES for adjective in lexicon.adjectives)
+
+
+def test_words_of_the_lexicon_are_base_forms_or_stand_for_themselves():
+    """A plural among the nouns would hide its singular."""
+    lexicon = read_lexicon()
+    nouns = [word for entry in lexicon.nouns for word in entry.words]
+    assert len(nouns) == len(set(nouns))
+    plurals = [word for word in nouns if set(base_forms(word)) & set(nouns)]
+    assert plurals == []
+
+
+def mine(phrase, *, roles=("person",)):
+    kinds = tuple(Role(role, (role,)) for role in roles)
+    terms = tuple(Term("moving", (role,)) for role in roles)
+    return {"mine": Activity("mine", kinds, (Phase("moves", terms),), phrases=(phrase,))}
+
+
+def test_words_of_ones_own_catalogue_become_known():
+    activities = mine("person waters the hydrangeas")
+    query = parse_query("a man is watering hydrangeas", activities)
+    assert query.activity == activities["mine"]
+    with pytest.raises(InputError, match="hydrangeas"):
+        parsed("a man is watering hydrangeas")
+    beside = mine("person dances next to vehicle", roles=("person", "vehicle"))
+    assert parse_query("someone danced next to the vehicle", beside).activity == beside["mine"]
+
+
+@pytest.mark.parametrize(
+    "phrase", ["person", "person vehicle", "vehicle moves", "a", "two people walk"]
+)
+def test_phrases_that_cannot_be(phrase):
+    with pytest.raises(InputError, match="phrase"):
+        parse_query("person moves", mine(phrase))
+
+
+def test_without_a_catalogue_states_can_still_be_asked_for():
+    assert parse_query("person near vehicle", {}).predicates == ["near(person, vehicle)"]
+
+
+@settings(max_examples=25)
+@given(st.sampled_from(PHRASES), st.sampled_from(["", "a ", "the "]), st.booleans())
+def test_articles_and_capitals_say_nothing(item, article, capital):
+    name, phrase = item
+    said = re.sub(r"\b(person|parked vehicle|vehicle)\b", lambda m: article + m[1], phrase)
+    if len(re.findall(r"person", phrase)) > 1 and article == "the ":
+        return  # "the person follows the person" is one and the same to English
+    query = parsed(said.upper() if capital else said)
+    assert query.activity == CATALOGUE[name]
+
+
+def test_a_search_is_read_the_same_every_time():
+    texts = [
+        " then ".join(pair)
+        for pair in product(("person enters vehicle", "vehicle stops"), repeat=2)
+    ]
+    assert [parsed(t) for t in texts] == [parsed(t) for t in texts]

@@ -1,0 +1,236 @@
+"""Who is meant, what comes when, and what is told to the reader."""
+
+import pytest
+from make_sentences import GOLDEN, table
+from words_scenes import catalogue, parsed, state_terms
+
+from scene4d.core.errors import InputError
+from scene4d.core.tracks import VEHICLES
+from scene4d.searching.activities.definition import Relation
+from scene4d.searching.language import explain
+
+
+def test_the_golden_table():
+    """python tests/activities/language/make_sentences.py writes it anew."""
+    assert table() == GOLDEN.read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("said", "terms"),
+    [
+        ("person near vehicle", ["near(person, vehicle)"]),
+        ("person is not near vehicle", ["not near(person, vehicle)"]),
+        ("person isn't near the vehicle", ["not near(person, vehicle)"]),
+        ("person never moves", ["not moving(person)"]),
+        ("person outside zone entrance", ["not inside(person, zone=entrance)"]),
+        ("person is not outside zone entrance", ["inside(person, zone=entrance)"]),
+        ("person near a parked car", ["near(person, vehicle)", "stationary(vehicle)"]),
+        ("person near a car that is parked", ["near(person, vehicle)", "stationary(vehicle)"]),
+        (
+            "person near a car that is not parked",
+            ["near(person, vehicle)", "not stationary(vehicle)"],
+        ),
+        ("person walks towards a car", ["moving_towards(person, vehicle)"]),
+        ("person does not walk towards a car", ["not moving_towards(person, vehicle)"]),
+        ("person faces the left side of a car", ["facing(person, vehicle, side=left)"]),
+        ("person looks at a vehicle", ["facing(person, vehicle)"]),
+        ("person in zone car park", ["inside(person, zone=car park)"]),
+        ('person in "car park"', ["inside(person, zone=car park)"]),
+        ("person in the Entrance", ["inside(person, zone=entrance)"]),
+        ("person crosses the line gate", ["crosses(person, line=gate)"]),
+        (
+            "vehicle drives slower than 5 m/s",
+            ["moving(vehicle)", "speed_below(vehicle, speed_mps=5)"],
+        ),
+        ("person is near vehicle and is moving", ["near(person, vehicle)", "moving(person)"]),
+        ("person moves and not near vehicle", ["moving(person)", "not near(person, vehicle)"]),
+        (
+            "person near vehicle while the vehicle is reversing",
+            ["near(person, vehicle)", "reversing(vehicle)"],
+        ),
+        (
+            "person stands where a vehicle was parked ten minutes ago",
+            [
+                "stationary(person)",
+                "near(person, vehicle, lag_s=600)",
+                "stationary(vehicle, lag_s=600)",
+            ],
+        ),
+        (
+            "person is where a vehicle was parked",
+            ["near(person, vehicle, lag_s=inf)", "stationary(vehicle, lag_s=inf)"],
+        ),
+        ("two people near each other", ["near(person, person_2)"]),
+        ("two people face each other", ["facing(person, person_2)", "facing(person_2, person)"]),
+        ("two people near a car", ["near(person, vehicle)", "near(person_2, vehicle)"]),
+        ("person next to vehicle", ["near(person, vehicle)"]),
+        ("person stands next to a car", ["stationary(person)", "near(person, vehicle)"]),
+        ("a man waits next to the car", ["stationary(person)", "near(person, vehicle)"]),
+        ("person walks next to a car", ["moving(person)", "near(person, vehicle)"]),
+        ("person crouches next to a car", ["stooping(person)", "near(person, vehicle)"]),
+        (
+            "two people stand next to each other for 10 seconds",
+            ["stationary(person)", "stationary(person_2)", "near(person, person_2)"],
+        ),
+    ],
+)
+def test_states(said, terms):
+    assert parsed(said).predicates == terms
+
+
+def roles_of(text):
+    return [[t.roles for t in phase.terms] for phase in parsed(text).activity.phases]
+
+
+def names(text):
+    return [role.name for role in parsed(text).activity.roles]
+
+
+def test_the_vehicle_is_the_one_named_before_and_another_is_not():
+    assert names("person enters vehicle then the vehicle starts") == ["person", "vehicle"]
+    assert names("person enters vehicle then it starts") == ["person", "vehicle"]
+    assert names("person enters vehicle then another vehicle starts") == [
+        "person",
+        "vehicle",
+        "vehicle_2",
+    ]
+    assert names("person enters car then the truck starts") == ["person", "vehicle", "vehicle_2"]
+
+
+def test_a_second_a_is_somebody_new_and_the_reader_is_told():
+    query = parsed("a person is near a vehicle then a person is near the vehicle")
+    assert [role.name for role in query.activity.roles] == ["person", "vehicle", "person_2"]
+    assert any('"a person" is taken as somebody new' in note for note in query.notes)
+
+
+def test_nobody_does_anything_to_himself():
+    assert roles_of("person is near a person") == [[("person", "person_2")]]
+    with pytest.raises(InputError, match="each other"):
+        parsed("person near each other")
+
+
+def test_he_is_the_last_subject_and_the_reader_is_told_of_others():
+    query = parsed("person follows person then he crosses line gate")
+    assert query.activity.phases[-1].terms[0].roles == ("person",)
+    assert any('"he"' in note and "other" in note for note in query.notes)
+
+
+def test_after_turns_the_order():
+    before = parsed("vehicle stops before person exits vehicle").activity
+    after = parsed("person exits the vehicle after vehicle stops").activity
+    first = parsed("after vehicle stops, person exits vehicle").activity
+    assert before.phases == after.phases == first.phases
+    assert before.phases[2].gap_s == 600
+    assert (
+        parsed("vehicle stops within 10 s before person exits vehicle").activity.phases[2].gap_s
+        == 10
+    )
+
+
+@pytest.mark.parametrize(
+    ("said", "gap"),
+    [
+        ("then", 60),
+        ("and then", 60),
+        ("then within 5 s", 5),
+        ("then immediately", 3),
+        (", then", 60),
+    ],
+)
+def test_pauses(said, gap):
+    query = parsed(f"person enters vehicle {said} the vehicle starts")
+    assert [phase.gap_s for phase in query.activity.phases][2] == gap
+    assert (gap == 60) == any("60 s later" in note for note in query.notes)
+
+
+def test_next_is_then_and_next_to_is_a_place():
+    then = parsed("person stands next near a car").activity
+    assert [phase.name for phase in then.phases] == ["stationary", "near"]
+    then = parsed("person enters vehicle and next it starts").activity
+    assert then.phases == parsed("person enters vehicle then it starts").activity.phases
+    both = parsed("person stands near a car and next to another car").activity
+    assert len(both.phases) == 1
+    for text in ("person stands next to a car", "two people stand next to each other"):
+        query = parsed(text)
+        assert len(query.activity.phases) == 1
+        assert not any("then" in note or "could be" in note for note in query.notes)
+
+
+def test_a_lasting_state_around_an_event_is_an_allen_relation():
+    activity = parsed("person is near vehicle for 60 s while another person enters it").activity
+    assert activity.relations == (
+        Relation("comes", "during", "near"),
+        Relation("vanishes", "during", "near"),
+    )
+
+
+def test_a_moment_beside_what_lasts():
+    """A moment and an activity with "and" come in order; with "while" one is within the other."""
+    query = parsed("vehicle stops and person crosses line gate")
+    assert [phase.name for phase in query.activity.phases][-1] == "crosses"
+    assert any('is taken as "then"' in note for note in query.notes)
+    within = parsed("person crosses line gate while vehicle turns left").activity
+    assert within.relations == (Relation("crosses", "during", "turns"),)
+    within = parsed("person near vehicle for 1 min while another person crosses line gate").activity
+    assert within.relations == (Relation("crosses", "during", "near"),)
+    with pytest.raises(InputError, match="while"):
+        parsed("person crosses line gate while vehicle stops")
+    both = parsed("person crosses line gate while a vehicle is moving").activity
+    assert [(p.min_s, p.max_s, len(p.terms)) for p in both.phases] == [(0.2, 1, 2)]
+
+
+def test_a_state_beside_an_event_holds_throughout_it():
+    activity = parsed("person enters vehicle while another vehicle is moving").activity
+    assert all(phase.terms[-1].roles == ("vehicle_2",) for phase in activity.phases)
+
+
+def test_how_long_is_said_of_the_phase_that_may_last():
+    activity = parsed("two people meet for more than 5 minutes").activity
+    assert [phase.min_s for phase in activity.phases] == [
+        *(phase.min_s for phase in catalogue()["people_meet"].phases[:-1]), 300,
+    ]  # fmt: skip
+
+
+def test_how_near_goes_into_the_activity():
+    terms = [t for p in parsed("person enters vehicle within 1 m").activity.phases for t in p.terms]
+    assert {t.parameters["tau_m"] for t in terms if t.predicate == "near"} == {1.0}
+    with pytest.raises(InputError, match="does not say how near"):
+        parsed("vehicle turns left within 1 m")
+
+
+def test_an_activity_that_could_be_a_state_is_told():
+    done, is_so = parsed("vehicle turns left"), parsed("vehicle is turning left")
+    assert done.activity == catalogue()["vehicle_turns_left"]
+    assert is_so.activity.name == "vehicle is turning left"
+    assert any("turning_left(vehicle)" in note for note in done.notes)
+    assert any("vehicle_turns_left" in note for note in is_so.notes)
+
+
+def test_words_that_say_more_than_is_searched_for_are_told():
+    notes = parsed("a woman runs to the taxi").notes
+    assert any("woman" in note for note in notes)
+    assert any("taxi" in note for note in notes)
+    assert any('"runs" is taken as moving' in note for note in parsed("a woman runs").notes)
+    assert parsed("person enters vehicle").notes == []
+
+
+def test_any_vehicle_is_all_of_the_models():
+    (role,) = parsed("vehicle is moving").activity.roles
+    assert set(role.classes) == set(VEHICLES)
+
+
+def test_the_explanation_has_all_of_it():
+    query = parsed("after 9 pm person stands near a car for 10 s then crosses line gate")
+    lines = explain(query.activity, query.window, query.notes)
+    assert "time of day: 21:00 to 24:00" in lines
+    assert all(any(line.strip() == said for line in lines) for said in query.predicates)
+    assert all(f"note: {note}" in lines for note in query.notes)
+
+
+def test_a_zone_of_the_catalogue_is_replaced_by_the_one_that_is_named():
+    terms = [
+        t for p in parsed("person enters through zone entrance").activity.phases for t in p.terms
+    ]
+    assert {t.parameters.get("zone") for t in terms} == {None, "entrance"}
+    phase, _ = state_terms("person in the zone entrance")
+    assert phase.terms[0].parameters == {"zone": "entrance"}

@@ -1,0 +1,49 @@
+"""A detector that knows the answer, and the camera's file."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scene4d.perception.objects import ObjectDetector
+from walks import CAMERA, detections
+
+
+class Perfect:
+    """A detector that knows the answer; it stops working after some frames."""
+
+    def __init__(self, until: int | None = None) -> None:
+        self.timings = {"detect people": 0.0}
+        self.seen: list[int] = []
+        self.until = until
+
+    def expecting(self, _):
+        return self
+
+    def look(self, frame):
+        if self.until is not None and frame.index >= self.until:
+            raise KeyboardInterrupt
+        self.seen.append(frame.index)
+        found = detections(frame.index)
+        found = replace(found, time_s=np.full(len(found), frame.time_s))
+        return found, np.full((len(found), 4), 0.25, np.float32)
+
+
+@pytest.fixture
+def detector(monkeypatch):
+    def use(until: int | None = None) -> Perfect:
+        made = Perfect(until)
+        monkeypatch.setattr(ObjectDetector, "default", lambda **_: made)
+        monkeypatch.setattr("scene4d.calibration.watching.fetch_weights", lambda *_, **__: None)
+        return made
+
+    return use
+
+
+@pytest.fixture
+def camera(tmp_path: Path) -> Path:
+    path = tmp_path / "camera" / "camera.json"
+    path.parent.mkdir()
+    CAMERA.save(path)
+    return path
