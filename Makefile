@@ -68,7 +68,7 @@ $(RUNTIME): pyproject.toml constraints.txt
 	*) echo >&2 "scene4d needs Python 3.11 to 3.13 and $(PYTHON) is $(PYTHON_VERSION): name another, as in make PYTHON=python3.12"; exit 1 ;; esac
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { \
 	echo >&2 "$(PYTHON) has no venv module: apt-get install python3-venv (or python$(PYTHON_VERSION)-venv)"; exit 1; }
-	@echo "installing scene4d into $(VENV) (once; about 600 MB)"
+	@echo "installing scene4d into $(VENV) (once; about 700 MB)"
 	@rm -rf $(VENV)
 	@$(PYTHON) -m venv $(VENV)
 	@$(INSTALL) pip

@@ -15,7 +15,7 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-LIMIT_MB = 600
+LIMIT_MB = 800
 NOT_OURS = {"pip", "setuptools"}
 
 

@@ -13,9 +13,9 @@ from scene4d.calibration.uncertainty import covariance
 from scene4d.core.calibration import Calibration
 from scene4d.core.orientation import Orientation
 
-SIGMAS = 4.0
+_SIGMAS = 4.0
 """Farther apart than this many standard deviations, one of the two must be wrong."""
-LENS_AGREEMENT = 0.03
+_LENS_AGREEMENT = 0.03
 """Relative difference of two told focal lengths that is worth a word."""
 
 
@@ -52,7 +52,7 @@ def disagreements(alone: Calibration, guess: Orientation) -> list[str]:
         f"{name} {texts[name]}"
         for name, apart, own, of_guess in rows
         # Both are 0 where the same lens told both.
-        if np.hypot(own, of_guess) > 0 and abs(apart) > SIGMAS * np.hypot(own, of_guess)
+        if np.hypot(own, of_guess) > 0 and abs(apart) > _SIGMAS * np.hypot(own, of_guess)
     ]
 
 
@@ -72,7 +72,7 @@ def contradictions(case: Case, problem: Problem) -> list[str]:
     orientation, fixed = asked.orientation, asked.fixed_focal_px
     if orientation is not None and fixed is not None:
         apart = abs(np.log(orientation.focal_px / fixed))
-        if np.isfinite(orientation.focal_sigma_px) and apart > LENS_AGREEMENT:
+        if np.isfinite(orientation.focal_sigma_px) and apart > _LENS_AGREEMENT:
             said.append(
                 f"The orientation's focal length ({orientation.focal_px:.0f} px) differs from the "
                 f"lens file's ({fixed:.0f} px), which was used."
@@ -90,7 +90,7 @@ def contradictions(case: Case, problem: Problem) -> list[str]:
     for i in told:
         found, given = state.parameters[i], problem.prior.mean[i]
         sigma = float(np.sqrt(spread[i, i]))
-        if abs(found - given) <= SIGMAS * np.hypot(sigma, problem.prior.sigma[i]):
+        if abs(found - given) <= _SIGMAS * np.hypot(sigma, problem.prior.sigma[i]):
             continue
         if i == FOCAL:
             focal, told_px = np.exp(found) * unit, np.exp(given) * unit

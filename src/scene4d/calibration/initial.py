@@ -14,7 +14,7 @@ from scene4d.calibration.prior import Prior
 _ALONG, _ACROSS = 0.07, 0.06
 """Rough spread of a head about its prediction, in lengths of the person (height included)."""
 _OUTLIER = 3.0
-GRID_PEOPLE = 64
+_GRID_PEOPLE = 64
 """So many people are enough to tell a good orientation from a bad one."""
 
 
@@ -46,8 +46,8 @@ def starting_points(
 ) -> Float[np.ndarray, "m 5"]:
     """The best ``keep`` distinct parameter vectors of the grid, best first."""
     corner = prior.mean[CORNER]
-    if len(weight) > GRID_PEOPLE:
-        rows = np.linspace(0, len(weight) - 1, GRID_PEOPLE).astype(int)
+    if len(weight) > _GRID_PEOPLE:
+        rows = np.linspace(0, len(weight) - 1, _GRID_PEOPLE).astype(int)
         points, weight = points.select(rows), weight[rows]
     foot, head = undistort(points.foot, corner)[0], undistort(points.head, corner)[0]
     orientations = _grid(prior)

@@ -9,16 +9,16 @@ from scene4d.calibration.initial import starting_points
 from scene4d.calibration.lines import best_azimuths
 from scene4d.calibration.refine import Noise, Problem, State, descend, minimise, updated_noise
 
-SEARCH_PEOPLE = 100
+_SEARCH_PEOPLE = 100
 """So many people are enough to choose among starting points; all of them refine the winner."""
-NOISE_PEOPLE = 4_000
+_NOISE_PEOPLE = 4_000
 """So many people tell the noise to one per cent."""
-FEW_PEOPLE = 60
+_FEW_PEOPLE = 60
 STARTS, STARTS_FOR_FEW = 2, 6
 SEARCH_WIDTH, SEARCH_WIDTH_FOR_FEW = 2.0, 1.0
 """How many starts are tried, with how many times the usual noise. Many people lead from afar; among
 few, outliers make valleys of their own, which only more and narrower starts tell apart."""
-NOISE_ROUNDS = 4
+_NOISE_ROUNDS = 4
 NEW_POSITION = 0.25
 """A track counts anew when its feet have moved by this fraction of the person's length."""
 
@@ -58,9 +58,9 @@ def _places(foot: np.ndarray, length: np.ndarray) -> int:
 
 def solve(problem: Problem, *, seed: int = 0) -> State | None:
     """The best camera found, or None where no starting point is possible at all."""
-    small = _thinned(problem, SEARCH_PEOPLE, seed)
+    small = _thinned(problem, _SEARCH_PEOPLE, seed)
     people_only = replace(small, lines=None)
-    few = len(small.track) < FEW_PEOPLE
+    few = len(small.track) < _FEW_PEOPLE
     width = SEARCH_WIDTH_FOR_FEW if few else SEARCH_WIDTH
     starts = starting_points(
         small.points,
@@ -80,11 +80,11 @@ def solve(problem: Problem, *, seed: int = 0) -> State | None:
     state = replace(state, noise=Noise())
     if problem.lines is not None:
         state = _with_azimuth(small, state)
-    middle = _thinned(problem, NOISE_PEOPLE, seed)
+    middle = _thinned(problem, _NOISE_PEOPLE, seed)
     if middle is not small:
-        state = _with_noise(small, state, NOISE_ROUNDS - 1)
+        state = _with_noise(small, state, _NOISE_ROUNDS - 1)
         state = replace(state, delta_m=np.zeros(middle.n_heights))
-    state = _with_noise(middle, state, NOISE_ROUNDS if middle is small else 1)
+    state = _with_noise(middle, state, _NOISE_ROUNDS if middle is small else 1)
     if middle is not problem:
         state = replace(state, delta_m=np.zeros(problem.n_heights))
     return minimise(problem, state, steps=20, tolerance=1e-4)

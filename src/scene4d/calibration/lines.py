@@ -14,12 +14,12 @@ from jaxtyping import Float
 
 from scene4d.calibration.body import CORNER, FOCAL, N_PARAMETERS, ROLL, TILT, undistort, up_vector
 
-ANGLE_SIGMA_RAD = np.radians(0.5)
+_ANGLE_SIGMA_RAD = np.radians(0.5)
 """How far real edges stray from the three directions (building tolerance, perspective of edges)."""
-END_SIGMA_PX = 0.7
+_END_SIGMA_PX = 0.7
 """Error of a segment's end, across the segment."""
-LOSS_WIDTH = 2.5
-LINES_PER_FACT = 20.0
+_LOSS_WIDTH = 2.5
+_LINES_PER_FACT = 20.0
 """Edges of one window, house or kerb err together: so many lines weigh as one observation."""
 
 _AZIMUTH = N_PARAMETERS
@@ -42,7 +42,7 @@ class Lines:
     ) -> "Lines":
         """Lines from end points in pixels."""
         length = np.hypot(xyxy[:, 2] - xyxy[:, 0], xyxy[:, 3] - xyxy[:, 1])
-        sigma = np.hypot(ANGLE_SIGMA_RAD, np.sqrt(2) * END_SIGMA_PX / np.maximum(length, 1e-6))
+        sigma = np.hypot(_ANGLE_SIGMA_RAD, np.sqrt(2) * _END_SIGMA_PX / np.maximum(length, 1e-6))
         points = ((xyxy.reshape(-1, 2, 2) - centre_uv) / half_diagonal_px).transpose(1, 2, 0)
         return cls(points[0].copy(), points[1].copy(), sigma)
 
@@ -111,9 +111,9 @@ def line_terms(parameters: Float[np.ndarray, "6"], lines: Lines) -> LineTerms:
     derivative[CORNER] += d_edge[0] * unit[1] - d_edge[1] * unit[0]
     derivative /= lines.sigma
 
-    shrink = 1 / (1 + residual**2 / LOSS_WIDTH**2)
-    cost = float((LOSS_WIDTH**2 * (1 - shrink)).sum()) / LINES_PER_FACT
-    return LineTerms(residual, derivative, shrink**2 / LINES_PER_FACT, cost)
+    shrink = 1 / (1 + residual**2 / _LOSS_WIDTH**2)
+    cost = float((_LOSS_WIDTH**2 * (1 - shrink)).sum()) / _LINES_PER_FACT
+    return LineTerms(residual, derivative, shrink**2 / _LINES_PER_FACT, cost)
 
 
 def best_azimuths(parameters: Float[np.ndarray, "5"], lines: Lines, keep: int = 2) -> list[float]:

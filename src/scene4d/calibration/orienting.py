@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 MOST_FRAMES = 1000
 """As many as the paper looks at."""
-FIRST_FRAMES = 4
+_FIRST_FRAMES = 4
 """Frames of the first round; every further round looks at as many as all before it."""
-SETTLED = 0.1
+_SETTLED = 0.1
 """A round that moves no value by more than this share of its standard deviation changes nothing."""
-QUIET_ROUNDS = 2
+_QUIET_ROUNDS = 2
 """After so many of them in a row no more frames are looked at."""
-VAGUE = 0.5
+_VAGUE = 0.5
 """An interval wider than this share of an ignorant one tells nothing worth a number."""
 NAMES = ("roll_deg", "tilt_deg", "vfov_deg")
 """What a belief is about, in the order of its axes."""
@@ -120,14 +120,14 @@ class OrientationReading:
 
     @cached_property
     def vague(self) -> tuple[str, ...]:
-        """Which of :data:`NAMES` the pictures do not tell: see :data:`VAGUE`."""
+        """Which of :data:`NAMES` the pictures do not tell: see :data:`_VAGUE`."""
         from scene4d.perception.orientation import Belief
 
         ignorant = Belief.even()
         return tuple(
             name
             for axis, name in enumerate(NAMES)
-            if _width(self.belief, axis) > VAGUE * _width(ignorant, axis)
+            if _width(self.belief, axis) > _VAGUE * _width(ignorant, axis)
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -286,7 +286,7 @@ def read_orientation(
                 now = reader.belief()
                 moves = before is None or not settled(before, now, footage.image_size)
                 before, quiet = now, 0 if moves else quiet + 1
-                if quiet == QUIET_ROUNDS:
+                if quiet == _QUIET_ROUNDS:
                     break
         if not reader.frames:
             raise InputError(f"{footage.name}: no frame could be read")
@@ -296,9 +296,9 @@ def read_orientation(
 
 
 def settled(before: "Belief", now: "Belief", image_size: tuple[int, int]) -> bool:
-    """Whether no value has moved by more than :data:`SETTLED` of its standard deviation."""
+    """Whether no value has moved by more than :data:`_SETTLED` of its standard deviation."""
     (old, _), (new, sigma) = (_values(belief, image_size) for belief in (before, now))
-    return bool(np.all(np.abs(new - old) <= SETTLED * sigma))
+    return bool(np.all(np.abs(new - old) <= _SETTLED * sigma))
 
 
 def _values(belief: "Belief", image_size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
@@ -330,7 +330,7 @@ def _rounds(footage: "Source", frames: int | None) -> "Iterator[Iterator[Frame]]
     if footage.timeline is None:
         stream = sample_frames(footage, MOST_FRAMES)
         while seen < MOST_FRAMES:
-            count = max(seen, FIRST_FRAMES)
+            count = max(seen, _FIRST_FRAMES)
             yield islice(stream, count)
             seen += count
         return
@@ -339,7 +339,7 @@ def _rounds(footage: "Source", frames: int | None) -> "Iterator[Iterator[Frame]]
     chosen = choose_frames(footage.timeline, everything, MOST_FRAMES, pixels)
     chosen = chosen[halving_order(len(chosen))]
     while seen < len(chosen):
-        count = max(seen, FIRST_FRAMES)
+        count = max(seen, _FIRST_FRAMES)
         yield footage.frames(sorted(chosen[seen : seen + count].tolist()))
         seen += count
 

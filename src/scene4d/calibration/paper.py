@@ -22,7 +22,7 @@ from scene4d.core.geometry import locate, project, rotation_from_tilt_roll
 from scene4d.core.orientation import Orientation
 
 CONSENSUS = ("exact", "ransac")
-BOX_SIGMA = 0.04
+_BOX_SIGMA = 0.04
 """Relative bias of the lengths of boxes, which the paper takes for people: they change by 3 to 5 %
 with the viewing angle (METHOD section 2)."""
 _STEP = 1e-4
@@ -70,7 +70,7 @@ def paper_calibration(case: Case) -> Calibration:
     covariance[HEIGHT, HEIGHT] += solution.relative_sigma**2
     covariance[HEIGHT, HEIGHT] += (asked.population_sigma_m / asked.person_height_m) ** 2
     if asked.systematics and case.segments.from_box[usable].any():
-        covariance[HEIGHT, HEIGHT] += BOX_SIGMA**2
+        covariance[HEIGHT, HEIGHT] += _BOX_SIGMA**2
     values = {
         "camera": camera,
         "covariance": covariance,

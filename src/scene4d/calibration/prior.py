@@ -17,7 +17,7 @@ from scene4d.core.orientation import Orientation
 # cameras that look 15 degrees up or 65 down, and heights of 1 to 25 m.
 _MEAN = np.array([np.log(1.8), np.radians(25.0), 0.0, np.log(5.0), 0.0])
 _SIGMA = np.array([0.75, np.radians(20.0), np.radians(6.0), 0.8, 0.0])
-CORNER_SIGMA = 0.04
+_CORNER_SIGMA = 0.04
 """Spread of D over lenses of surveillance cameras that nobody has calibrated."""
 
 
@@ -79,6 +79,6 @@ class Prior:
 def default_prior(*, estimate_distortion: bool = False) -> Prior:
     """The weak prior of an unknown surveillance camera; without distortion unless asked for."""
     sigma = _SIGMA.copy()
-    sigma[CORNER] = CORNER_SIGMA if estimate_distortion else 0.0
+    sigma[CORNER] = _CORNER_SIGMA if estimate_distortion else 0.0
     assert len(sigma) == N_PARAMETERS
     return Prior(_MEAN.copy(), sigma)

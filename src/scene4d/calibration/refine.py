@@ -27,7 +27,7 @@ from scene4d.calibration.body import N_PARAMETERS, Points, predict_heads
 from scene4d.calibration.lines import Lines, LineTerms, line_terms
 from scene4d.calibration.prior import Prior
 
-HEIGHT_LOSS_WIDTH = 3.0
+_HEIGHT_LOSS_WIDTH = 3.0
 """Geman-McClure width of a track's height, in standard deviations."""
 SHORT_RANGE, TURN_RANGE = 1.2, 0.8
 """Range of log length (truncation down to 30 %) and of direction (radians) of outliers."""
@@ -174,8 +174,8 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     force[0] -= problem.weight * push
     gap = state.parameters - problem.prior.mean
     cost += float(gap @ problem.prior.precision @ gap)
-    height_shrink = 1 / (1 + (state.delta_m / (HEIGHT_LOSS_WIDTH * noise.height_m)) ** 2)
-    cost += HEIGHT_LOSS_WIDTH**2 * float((1 - height_shrink).sum())
+    height_shrink = 1 / (1 + (state.delta_m / (_HEIGHT_LOSS_WIDTH * noise.height_m)) ** 2)
+    cost += _HEIGHT_LOSS_WIDTH**2 * float((1 - height_shrink).sum())
     terms = None
     if problem.lines is not None:
         terms = line_terms(np.append(state.parameters, state.azimuth), problem.lines)

@@ -7,7 +7,7 @@ from scene4d.core.people import Detections, Segments
 
 MIN_KEYPOINT_SCORE = 0.3
 """Feet, head and trunk must be seen at least this surely (truncated feet score about 0.1)."""
-BORDER_PX = 2.0
+_BORDER_PX = 2.0
 """A box that comes this near to the image's border may be cut by it."""
 MIN_LENGTH_PX = 15.0
 """Shorter people carry more noise than news."""
@@ -86,10 +86,10 @@ def _from_boxes(people: Detections) -> Segments:
     middle = (x1 + x2) / 2
     width, height = people.image_size
     cut = (
-        (x1 < BORDER_PX)
-        | (y1 < BORDER_PX)
-        | (x2 > width - 1 - BORDER_PX)
-        | (y2 > height - 1 - BORDER_PX)
+        (x1 < _BORDER_PX)
+        | (y1 < _BORDER_PX)
+        | (x2 > width - 1 - _BORDER_PX)
+        | (y2 > height - 1 - _BORDER_PX)
     )
     return _segments(
         people,

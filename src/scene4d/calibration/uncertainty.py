@@ -9,7 +9,7 @@ from jaxtyping import Float
 from scene4d.calibration.body import N_PARAMETERS, Points
 from scene4d.calibration.refine import Problem, State, linearise, normal_equations, observed_weights
 
-OUTLIER_LEAK = 0.03
+_OUTLIER_LEAK = 0.03
 """Bias of length (and of length against distance) for a share 1 of shortened people: those cut by
 little pass for people. Read off synthetic scenes with 10 to 40 % of them (tests/calibration)."""
 
@@ -25,15 +25,15 @@ def covariance(
     ``measured_lens`` or of an unknown one.
     """
     inverse = _inverse_hessian(problem, state)
-    leak = OUTLIER_LEAK * state.noise.short
+    leak = _OUTLIER_LEAK * state.noise.short
     effects = [
         Systematic("outliers taken for people: size", leak, _growing),
         Systematic("outliers taken for people: length", leak, _stretched),
     ]
     if systematics:
         effects += [
-            replace(e, sigma=MEASURED_LENS_SIGMA) if measured_lens and e.of_lens else e
-            for e in SYSTEMATICS
+            replace(e, sigma=_MEASURED_LENS_SIGMA) if measured_lens and e.of_lens else e
+            for e in _SYSTEMATICS
         ]
     own = inverse[:N_PARAMETERS, :N_PARAMETERS]
     return own + _shared(problem, state, inverse, effects)
@@ -103,13 +103,13 @@ def _growing_aside(points: Points, amount: float) -> Points:
 
 def _by_kind(points: Points, amount: float) -> np.ndarray:
     """The amount for each of the people (n,): boxes are off by more."""
-    return np.where(points.from_box, BOX_FACTOR * amount, amount)
+    return np.where(points.from_box, _BOX_FACTOR * amount, amount)
 
 
-BOX_FACTOR = 2.0
+_BOX_FACTOR = 2.0
 """Boxes grow and shrink with the viewing angle more than bodies do (METHOD section 2, lesson 1)."""
 
-SYSTEMATICS: tuple[Systematic, ...] = (
+_SYSTEMATICS: tuple[Systematic, ...] = (
     Systematic("principal point, u", 0.05, _shifted(0), of_lens=True),
     Systematic("principal point, v", 0.05, _shifted(1), of_lens=True),
     Systematic("lean of people", 0.08, _leaning),
@@ -120,7 +120,7 @@ SYSTEMATICS: tuple[Systematic, ...] = (
 4 % per e-fold of distance; the lens of PETS is 12 % of the half diagonal off centre."""
 
 
-MEASURED_LENS_SIGMA = 0.005
+_MEASURED_LENS_SIGMA = 0.005
 """Principal point of a measured lens, in half diagonals."""
 
 

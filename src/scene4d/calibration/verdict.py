@@ -8,18 +8,18 @@ from scene4d.calibration.prior import Prior
 
 MIN_PEOPLE = 3
 """Fewer people than this leave the camera to the prior."""
-MAX_GROUND_ERROR = 0.35
+_MAX_GROUND_ERROR = 0.35
 """Predicted position error over distance, in the median, above which a camera is no use."""
-MAX_FOCAL_SIGMA = 0.45
+_MAX_FOCAL_SIGMA = 0.45
 """Relative focal length error above which the scene's shape is unknown."""
 FOCAL_KNOWN = 0.3
 """A focal length known this well (relative) before anybody is seen needs no depth in the scene."""
-TOLD_TILT = 0.2
+_TOLD_TILT = 0.2
 """A prior this narrow (radians) was told by the user, and may be wrong."""
-MIN_DEPTH = 0.15
+_MIN_DEPTH = 0.15
 """Spread of the feet towards the horizon, in lengths of a person, below which their own noise
 (about 0.02) passes for distance: the horizon then comes out too far, and with confidence."""
-MIN_INLIERS = 0.3
+_MIN_INLIERS = 0.3
 """Share of people as modelled below which the picture is not of upright people on a plane."""
 
 BOXES_ALONE = (
@@ -48,17 +48,17 @@ def refusal(
 ) -> str | None:
     """Why the camera is undetermined and what would determine it, or None where it is."""
     focal_sigma = float(np.sqrt(covariance[FOCAL, FOCAL]))
-    if inlier_share < MIN_INLIERS:
-        told = prior.sigma[TILT] < TOLD_TILT
+    if inlier_share < _MIN_INLIERS:
+        told = prior.sigma[TILT] < _TOLD_TILT
         first = "an orientation that fits this footage, " if told else ""
         return (
             f"only {inlier_share:.0%} of the people agree with one camera over one flat ground; "
             f"needed: {first}people who stand upright on the same plane, or a lens file if the "
             "lens bends strongly"
         )
-    flat = depth < MIN_DEPTH and prior.sigma[FOCAL] > FOCAL_KNOWN
-    vague = focal_sigma > MAX_FOCAL_SIGMA
-    if not flat and not vague and relative_ground_error <= MAX_GROUND_ERROR:  # false for NaN
+    flat = depth < _MIN_DEPTH and prior.sigma[FOCAL] > FOCAL_KNOWN
+    vague = focal_sigma > _MAX_FOCAL_SIGMA
+    if not flat and not vague and relative_ground_error <= _MAX_GROUND_ERROR:  # false for NaN
         return None
     size = np.hypot(*(points.head - points.foot))
     size_ratio = float(np.quantile(size, 0.95) / np.quantile(size, 0.05))

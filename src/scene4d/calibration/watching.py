@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from scene4d.perception.people import PeopleDetector
     from scene4d.video.frames import Frame, Source
 
-ROUGH_FRAMES = 12
+_ROUGH_FRAMES = 12
 """So many frames give a camera good enough to tell the detector how large people are where."""
-NETWORK_FRAMES = 32
+_NETWORK_FRAMES = 32
 """So many frames are shown to the orientation network for a guess: their errors are nearly the
 same. Where it alone is believed, all are, up to :data:`.MOST_FRAMES`."""
 
@@ -133,7 +133,7 @@ def _reader(
 ) -> OrientationReader | None:
     if not options.uses_network:
         return None
-    most = MOST_FRAMES if options.needs_network else NETWORK_FRAMES
+    most = MOST_FRAMES if options.needs_network else _NETWORK_FRAMES
     step = max(1, -(-expected // most))
     return OrientationReader(image_size, lens, focal_known=not options.estimate_focal, step=step)
 
@@ -175,17 +175,17 @@ def _people_detector(
     fetch_weights(progress)
     people = PeopleDetector.default()
     many = expected_count(footage, options.frames)
-    if footage.timeline is None or many < 3 * ROUGH_FRAMES:
+    if footage.timeline is None or many < 3 * _ROUGH_FRAMES:
         return people
     if len(choose_tiles(footage.image_size)) == 0:
         return people
-    with progress.stage("A first look", ROUGH_FRAMES) as step:
+    with progress.stage("A first look", _ROUGH_FRAMES) as step:
         rough = detect_people(
-            sample_frames(footage, ROUGH_FRAMES),
+            sample_frames(footage, _ROUGH_FRAMES),
             replace(people, tracker=None),
             progress=lambda done, found: step(1),
         )
-    first = solved(Seen(rough, ROUGH_FRAMES), lens, replace(options, method="joint"), None)
+    first = solved(Seen(rough, _ROUGH_FRAMES), lens, replace(options, method="joint"), None)
     if not first or first.camera is None:
         return people
     assert isinstance(people.detector, YoloxDetector)

@@ -84,7 +84,7 @@ def _write_all(result: Run, folder: Path, command: str | None) -> None:
         timings=result.timings,
         version=version("scene4d"),
     )
-    write_people(folder / "people.parquet", people_table(found))
+    write_people(folder / "people.parquet", _people_table(found))
     if result.image_bgr is not None and found:
         write_bytes(folder / BACKGROUND, _jpeg(result.image_bgr))
     write_json(folder / "camera.json", found.to_dict())
@@ -97,7 +97,7 @@ def _jpeg(image_bgr: np.ndarray) -> bytes:
     return bytes(coded.tobytes())
 
 
-def people_table(found: Calibration) -> dict[str, np.ndarray]:
+def _people_table(found: Calibration) -> dict[str, np.ndarray]:
     """Columns of ``people.parquet``: every segment, its residual, and whether it was an inlier."""
     segments = found.segments
     assert segments is not None

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from scene4d.calibration.options import Run
     from scene4d.core.progress import Progress
 
-TITLE = "PETS 2009 S2.L1, View 001"
+_TITLE = "PETS 2009 S2.L1, View 001"
 PUBLISHED = "height 7.07 m, tilt 16.48°, roll -3.09°"
 """Tsai calibration of View_001 that the University of Reading published with the footage."""
 
@@ -87,7 +87,7 @@ def _from_embedded_people(video: Path | None, why: str, progress: "Progress") ->
         demo_detections(),
         Options(),
         progress,
-        TITLE,
+        _TITLE,
         image_bgr=None if video is None else _first_picture(video),
         notes=(note,),
     )

@@ -21,10 +21,10 @@ evaluate = typer.Typer(
     help="Measure calibrations and searches against recordings whose truth is known.",
 )
 
-Data = Annotated[
+_Data = Annotated[
     Path, typer.Option("--data", metavar="DIR", help="Folder of the data set.", show_default=False)
 ]
-Out = Annotated[
+_Out = Annotated[
     Path | None,
     typer.Option(
         "--out",
@@ -37,7 +37,7 @@ Out = Annotated[
 
 
 @guarded
-def pets(*, data: Data, out: Out = None, as_json: Json = False) -> None:
+def pets(*, data: _Data, out: _Out = None, as_json: Json = False) -> None:
     """PETS 2009 S2.L1, View 1, against its published Tsai calibration.
 
     DIR holds View_001.xml (camera) and PETS2009-S2L1.xml (hand-drawn boxes); the video and
@@ -54,7 +54,7 @@ def pets(*, data: Data, out: Out = None, as_json: Json = False) -> None:
 
 
 @guarded
-def towncentre(*, data: Data, out: Out = None, as_json: Json = False) -> None:
+def towncentre(*, data: _Data, out: _Out = None, as_json: Json = False) -> None:
     """TownCentre, the paper's first experiment.
 
     DIR holds TownCentre-calibration.ci and TownCentreGTHalfRes.csv; tracker_boxes.txt, the folder
@@ -75,7 +75,7 @@ def towncentre(*, data: Data, out: Out = None, as_json: Json = False) -> None:
 @guarded
 def virat(
     *,
-    data: Data,
+    data: _Data,
     clip: Annotated[
         str | None,
         typer.Option(
@@ -92,7 +92,7 @@ def virat(
             show_default=False,
         ),
     ] = None,
-    out: Out = None,
+    out: _Out = None,
     as_json: Json = False,
 ) -> None:
     """VIRAT, the paper's second experiment, on the official files.
@@ -152,7 +152,7 @@ def custom(
             show_default=False,
         ),
     ] = None,
-    out: Out = None,
+    out: _Out = None,
     as_json: Json = False,
 ) -> None:
     """Any calibration against any reference.
@@ -179,7 +179,7 @@ def custom(
 @guarded
 def meva(
     *,
-    data: Data,
+    data: _Data,
     camera: Annotated[
         list[str] | None,
         typer.Option(
@@ -187,7 +187,7 @@ def meva(
             help="Camera to be reported instead of G328 and G506; may be repeated.",
         ),
     ] = None,
-    out: Out = None,
+    out: _Out = None,
     as_json: Json = False,
 ) -> None:
     """Search for labelled activities on MEVA.

@@ -97,7 +97,7 @@ def export(
     _export_camera(what, to, out, from_format, image_size, as_json=as_json)
 
 
-def parse_anchor(text: str) -> "GroundPoint":
+def _parse_anchor(text: str) -> "GroundPoint":
     """``u,v,lat,lon`` as a point."""
     from scene4d.cli.exporting import GroundPoint
 
@@ -122,7 +122,7 @@ def _export_scene(
         raise typer.BadParameter(
             f"{to!r} is no format of scenes; known: {', '.join(known)}", param_hint="--to"
         )
-    points = [parse_anchor(text) for text in anchor]
+    points = [_parse_anchor(text) for text in anchor]
     out.parent.mkdir(parents=True, exist_ok=True)
     files = export_scene(scene, out, to, run=run, anchor=points)
     if as_json:

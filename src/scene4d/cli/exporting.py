@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from scene4d.store.query import Scene
 
 
-STRETCH_S = 600.0
+_STRETCH_S = 600.0
 """So much of a scene is held at once by formats that are written line by line."""
 
 
@@ -71,12 +71,12 @@ def _pieces(scene: "Scene", points: Sequence[GroundPoint]) -> "Iterator[SceneTab
     (run,) = scene.runs
     camera = Camera.load(scene.camera_file(run.camera))
     start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=run.start_ns // 1000)
-    geo = anchored(camera, points) if points else None
+    geo = _anchored(camera, points) if points else None
     begin = min(part.begin_s for part in run.parts)
     end = max(part.end_s for part in run.parts)
     while begin <= end:
-        tracks = with_keypoints(scene.tracks(begin=begin, end=begin + STRETCH_S), run.keypoints)
-        begin += STRETCH_S
+        tracks = with_keypoints(scene.tracks(begin=begin, end=begin + _STRETCH_S), run.keypoints)
+        begin += _STRETCH_S
         yield SceneTable(
             tracks,
             camera=run.camera,
@@ -87,7 +87,7 @@ def _pieces(scene: "Scene", points: Sequence[GroundPoint]) -> "Iterator[SceneTab
         )
 
 
-def anchored(camera: Camera, points: Sequence[GroundPoint]) -> "GeoAnchor":
+def _anchored(camera: Camera, points: Sequence[GroundPoint]) -> "GeoAnchor":
     """Where the camera's world lies on the Earth; raises :class:`InputError` where the points
     disagree or one of them does not lie on the ground.
     """

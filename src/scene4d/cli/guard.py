@@ -10,9 +10,9 @@ import typer
 from scene4d.cli.output import say
 from scene4d.core.errors import Scene4DError
 
-DEBUG_VARIABLE = "SCENE4D_DEBUG"
+_DEBUG_VARIABLE = "SCENE4D_DEBUG"
 COULD_NOT = 1
-INTERRUPTED = 130
+_INTERRUPTED = 130
 """128 + SIGINT, as shells count."""
 
 P = ParamSpec("P")
@@ -33,7 +33,7 @@ def guarded(command: Callable[P, T]) -> Callable[P, T]:
             code = COULD_NOT
         except KeyboardInterrupt:
             say("scene4d: interrupted")
-            code = INTERRUPTED
+            code = _INTERRUPTED
         except Exception as error:
             _tell_defect(error)
             code = COULD_NOT
@@ -45,10 +45,10 @@ def guarded(command: Callable[P, T]) -> Callable[P, T]:
 def _tell_defect(error: Exception) -> None:
     what = f"{type(error).__name__}: {error}".rstrip(": ")
     say(f"scene4d: internal error: {' '.join(what.split())}")
-    if not os.environ.get(DEBUG_VARIABLE):
+    if not os.environ.get(_DEBUG_VARIABLE):
         say(
             "scene4d: this is a defect of scene4d: please report it, with the command and what it "
-            f"prints with {DEBUG_VARIABLE}=1"
+            f"prints with {_DEBUG_VARIABLE}=1"
         )
         return
     import platform

@@ -12,7 +12,7 @@ from scene4d.cli.output import emit_json, screen
 if TYPE_CHECKING:
     from scene4d.perception.weights import WeightStatus
 
-PACKAGED = "orientation"
+_PACKAGED = "orientation"
 """The network that is part of the package, and never fetched."""
 
 
@@ -92,12 +92,12 @@ def _packaged() -> "WeightStatus":
     present = file.is_file()
     size = file.stat().st_size if present else 0
     licence = "as scene4d (made for it; docs/orientation.md)"
-    return WeightStatus(PACKAGED, file, size, present, present, licence)
+    return WeightStatus(_PACKAGED, file, size, present, present, licence)
 
 
 def _state(row: "WeightStatus") -> tuple[str, str]:
     """Whether a network is here and whole, in words."""
-    if row.name == PACKAGED and row.present:
+    if row.name == _PACKAGED and row.present:
         return "packaged", "-"
     if not row.present:
         return "no", "-"
@@ -110,7 +110,7 @@ def _fields(row: "WeightStatus") -> dict[str, Any]:
         "file": str(row.file),
         "bytes": row.bytes,
         "present": row.present,
-        "packaged": row.name == PACKAGED,
+        "packaged": row.name == _PACKAGED,
         "verified": row.verified,
         "licence": row.licence,
     }

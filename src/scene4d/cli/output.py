@@ -11,7 +11,7 @@ from scene4d.core.errors import OutputError
 if TYPE_CHECKING:
     from rich.console import Console
 
-PIPE_COLUMNS = 100
+_PIPE_COLUMNS = 100
 """Width of what is drawn where there is no terminal."""
 
 
@@ -50,7 +50,7 @@ def screen() -> Iterator["Console"]:
     """A console as wide and colourful as stdout is; what was drawn on it is emitted at the end."""
     from rich.console import Console
 
-    width = None if sys.stdout is not None and sys.stdout.isatty() else PIPE_COLUMNS
+    width = None if sys.stdout is not None and sys.stdout.isatty() else _PIPE_COLUMNS
     console = Console(width=width, highlight=False, markup=False)
     with console.capture() as captured:
         yield console

@@ -19,9 +19,9 @@ from rich.progress import Progress as RichProgress
 from scene4d.cli.output import say
 from scene4d.core.progress import Advance, Progress
 
-SLOW_S = 2.0
+_SLOW_S = 2.0
 """A stage that takes longer is worth a line, and ..."""
-REMIND_S = 30.0
+_REMIND_S = 30.0
 """... another one every so often."""
 
 
@@ -74,7 +74,7 @@ class Lines:
 
 @contextmanager
 def _told_if_slow(title: str, total: int | None) -> Iterator[Advance]:
-    timer = threading.Timer(SLOW_S, say, [f"scene4d: {title} ..."])
+    timer = threading.Timer(_SLOW_S, say, [f"scene4d: {title} ..."])
     timer.daemon = True
     timer.start()
     done, told_s = 0, time.monotonic()
@@ -82,7 +82,7 @@ def _told_if_slow(title: str, total: int | None) -> Iterator[Advance]:
     def advance(steps: int) -> None:
         nonlocal done, told_s
         done += steps
-        if time.monotonic() - told_s >= REMIND_S:
+        if time.monotonic() - told_s >= _REMIND_S:
             told_s = time.monotonic()
             say(f"scene4d: {title}: {done}{'' if total is None else f' of {total}'}")
 

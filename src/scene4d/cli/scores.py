@@ -8,9 +8,9 @@ from scene4d.cli.output import screen
 from scene4d.core.people import PERSON_HEIGHT_M
 from scene4d.evaluation import Evaluation, FewPeople, Outcome, Setting, near_figures
 
-CIRCULAR = "circular"
+_CIRCULAR = "circular"
 
-FEW = (
+_FEW = (
     "A few people in one frame, the joint method: without and with what the orientation network "
     "reads in that frame. Refused of all draws, and median error in metres of the cameras given; "
     "then the medians where both gave one, and how often the reading made it smaller."
@@ -29,7 +29,7 @@ def show_evaluation(found: Evaluation, out: Path | None) -> None:
         style = "dim" if setting.circular else None
         if setting.footage != footage:
             footage = setting.footage
-            name = f"{footage} ({CIRCULAR})" if setting.circular else footage
+            name = f"{footage} ({_CIRCULAR})" if setting.circular else footage
             table.add_row(name, style=style or "bold")
         table.add_row(*_row(setting, found.of(setting), heights), style=style)
     _published(table, found, heights)
@@ -43,7 +43,7 @@ def show_evaluation(found: Evaluation, out: Path | None) -> None:
         console.print()
         console.print(table)
         if found.few:
-            console.print(f"\n{FEW}\n")
+            console.print(f"\n{_FEW}\n")
             console.print(_few(found.few))
         for note in (*_reasons(found), *found.notes):
             console.print(f"\n{note}", style="dim")

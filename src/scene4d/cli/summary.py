@@ -10,7 +10,7 @@ from scene4d.cli.output import emit_json, say, screen
 from scene4d.core.calibration import Calibration
 from scene4d.drawing.words import parameter_rows, rounded_m
 
-PLAIN = str.maketrans({"\N{MINUS SIGN}": "-", "\N{NO-BREAK SPACE}": " ", "\u202f": " "})
+_PLAIN = str.maketrans({"\N{MINUS SIGN}": "-", "\N{NO-BREAK SPACE}": " ", "\u202f": " "})
 """What people copy from a terminal must be what programs read."""
 
 
@@ -35,7 +35,7 @@ def show(found: Calibration, out: Path) -> None:
     table.add_column(no_wrap=True)
     table.add_column(style="dim")
     for row in _rows(found):
-        table.add_row(*(" ".join(text.translate(PLAIN).split()) for text in row))
+        table.add_row(*(" ".join(text.translate(_PLAIN).split()) for text in row))
     with screen() as console:
         console.print(table)
         if found.warnings:

@@ -152,7 +152,7 @@ def track(
         camera=camera,
         annotations=annotations,
         name=name,
-        start=None if start is None else parse_start(start),
+        start=None if start is None else _parse_start(start),
         rate_hz=rate,
         fps=fps,
         person_height_m=height_m,
@@ -166,7 +166,7 @@ def track(
     _finish(run, as_json=as_json)
 
 
-def parse_start(text: str) -> datetime:
+def _parse_start(text: str) -> datetime:
     """An ISO 8601 time; without a zone it is UTC."""
     try:
         time = datetime.fromisoformat(re.sub(r"[zZ]$", "+00:00", text.strip()))

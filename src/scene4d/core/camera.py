@@ -12,7 +12,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.files import read_json, write_json
 
 SCHEMA = "scene4d/camera/1"
-ASPECT_TOLERANCE = 0.01
+_ASPECT_TOLERANCE = 0.01
 _SHAPES = {"K": (3, 3), "distortion": (5,), "R": (3, 3), "t": (3,)}
 
 
@@ -66,7 +66,7 @@ class Lens:
             return self
         _check_size(image_size)
         sx, sy = image_size[0] / self.image_size[0], image_size[1] / self.image_size[1]
-        if abs(sx / sy - 1) > ASPECT_TOLERANCE:
+        if abs(sx / sy - 1) > _ASPECT_TOLERANCE:
             raise InputError(
                 f"the lens was measured on {self.image_size[0]}x{self.image_size[1]} images and "
                 f"cannot serve {image_size[0]}x{image_size[1]}: the aspect ratio differs; "

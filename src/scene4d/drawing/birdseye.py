@@ -17,7 +17,7 @@ from scene4d.drawing.ground import Area, footprints, grid_step, grid_values, thi
 from scene4d.drawing.overlay import people_of
 from scene4d.drawing.scenery import before_fold, in_frame
 
-MAX_SIDE_PX = 1100
+_MAX_SIDE_PX = 1100
 MAX_DOTS = 1500
 
 
@@ -65,7 +65,7 @@ def with_camera(area: Area, camera: Camera) -> Area:
 
 
 def rectify(
-    camera: Camera, area: Area, image_bgr: np.ndarray | None, max_side_px: int = MAX_SIDE_PX
+    camera: Camera, area: Area, image_bgr: np.ndarray | None, max_side_px: int = _MAX_SIDE_PX
 ) -> Rectified:
     """The frame warped onto the ground of ``area`` (inverse warp through the lens).
 

@@ -11,9 +11,9 @@ from jaxtyping import Bool, Float, Int
 from scene4d.core.camera import Camera
 from scene4d.core.people import Segments
 
-FOOT_HEIGHT_M = 0.04
+_FOOT_HEIGHT_M = 0.04
 """Feet keypoints lie this much above the ground (METHOD.md, section 3); box bottoms lie on it."""
-COARSEST_PIXEL_M = 1.0
+_COARSEST_PIXEL_M = 1.0
 """Ground where one pixel spans more depth than this is not worth a picture."""
 _STEPS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
 
@@ -45,7 +45,7 @@ def footprints(camera: Camera, segments: Segments) -> Float[np.ndarray, "n 2"]:
 
 
 def _foot_height(segments: Segments) -> Float[np.ndarray, "n"]:
-    return np.where(segments.from_box, 0.0, FOOT_HEIGHT_M)
+    return np.where(segments.from_box, 0.0, _FOOT_HEIGHT_M)
 
 
 def implied_heights(camera: Camera, segments: Segments) -> Float[np.ndarray, "n"]:
@@ -104,11 +104,11 @@ def walked_area(
 
 
 def sane_distance(camera: Camera) -> float:
-    """Ground distance at which one pixel spans :data:`COARSEST_PIXEL_M` metres of depth.
+    """Ground distance at which one pixel spans :data:`_COARSEST_PIXEL_M` metres of depth.
 
     From ``d(distance)/d(angle) = (D² + C_Z²) / C_Z`` and a pixel's angle of ``1 / f``.
     """
-    square = COARSEST_PIXEL_M * camera.focal_px * camera.height_m - camera.height_m**2
+    square = _COARSEST_PIXEL_M * camera.focal_px * camera.height_m - camera.height_m**2
     return float(np.sqrt(max(square, (2 * camera.height_m) ** 2)))
 
 

@@ -16,7 +16,7 @@ from scene4d.drawing.overlay import people_of
 
 HEIGHT_SIGMA_M = 0.09
 """Standard deviation of adults' height (METHOD.md, section 4)."""
-BIN_M = 0.025
+_BIN_M = 0.025
 
 
 def inlier_heights(
@@ -40,11 +40,11 @@ def draw_histogram(calibration: Calibration) -> bytes:
     axes = fig.add_axes((0.075, 0.24, 0.905, 0.68))
     low, high = mean - 0.6, mean + 0.6
     inside = heights[(heights >= low) & (heights < high)]
-    bins = mean + BIN_M * np.arange(-24, 25)
+    bins = mean + _BIN_M * np.arange(-24, 25)
     axes.axvspan(mean - HEIGHT_SIGMA_M, mean + HEIGHT_SIGMA_M, color="#CFE3F5", lw=0, zorder=0)
     axes.axvline(mean, color="#1F5F99", lw=1.6, zorder=3)
     counts = np.histogram(inside, bins)[0]
-    axes.bar(bins[:-1], counts, BIN_M, align="edge", color="#E58A8F", ec="white", lw=0.6, zorder=2)
+    axes.bar(bins[:-1], counts, _BIN_M, align="edge", color="#E58A8F", ec="white", lw=0.6, zorder=2)
     handles: list[Any] = [
         Patch(color="#E58A8F", label="sightings (inliers)"),
         Line2D([], [], color="#1F5F99", lw=1.6, label=f"assumed mean, {mean:.2f} m"),

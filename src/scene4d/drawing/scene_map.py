@@ -19,7 +19,7 @@ _PEOPLE, _WHEELS, _VEHICLES = "#0072B2", "#009E73", "#D55E00"
 _LOOKS = {"person": (_PEOPLE, "people"), "bicycle": (_WHEELS, "bicycles and motorcycles")}
 _LOOKS["motorcycle"] = _LOOKS["bicycle"]
 _OTHER = (_VEHICLES, "cars, trucks and buses")
-STANDING_M = 1.0
+_STANDING_M = 1.0
 """What stays within so much is drawn as a dot."""
 
 
@@ -60,7 +60,7 @@ def _by_look(
 
 def _draw(axes: Axes, group: list[np.ndarray], colour: str) -> None:
     """Lines that end in dots; dots alone for what stands."""
-    moving = [xy for xy in group if np.ptp(xy, axis=0).max() > STANDING_M]
+    moving = [xy for xy in group if np.ptp(xy, axis=0).max() > _STANDING_M]
     axes.add_collection(LineCollection(moving, colors="white", linewidths=2.6, zorder=3))
     axes.add_collection(LineCollection(moving, colors=colour, linewidths=1.3, zorder=3))
     ends = np.array([xy[-1] for xy in group])

@@ -23,10 +23,10 @@ TRACKS = ("#E69F00", "#009E73", "#CC79A7", "#F0E442", "#D55E00")
 BANDS = ("#FFFFCC", "#FEDD7F", "#FEAE45", "#F4622B", "#C9161D", "#6E0028")
 """Error bands, light to dark: their order survives greyscale."""
 
-DPI = 140
+_DPI = 140
 WIDTH_IN, MAX_HEIGHT_IN = 9.0, 8.2
 SMALL, NORMAL = 7.5, 9.0
-MAX_SIDE_PX = 1920
+_MAX_SIDE_PX = 1920
 
 
 def halo(width: float = 2.0, colour: str = "#14181D") -> list[Any]:
@@ -36,7 +36,7 @@ def halo(width: float = 2.0, colour: str = "#14181D") -> list[Any]:
 
 def figure(width_in: float, height_in: float) -> Figure:
     """An empty white figure on its own Agg canvas."""
-    fig = Figure(figsize=(width_in, height_in), dpi=DPI, facecolor="white")
+    fig = Figure(figsize=(width_in, height_in), dpi=_DPI, facecolor="white")
     FigureCanvasAgg(fig)
     return fig
 
@@ -63,8 +63,8 @@ def checked_image(image_bgr: np.ndarray | None, image_size: tuple[int, int]) -> 
 
 
 def shown(image_bgr: np.ndarray) -> np.ndarray:
-    """The frame as RGB, shrunk to at most :data:`MAX_SIDE_PX`: figures are not larger."""
-    scale = MAX_SIDE_PX / max(image_bgr.shape[:2])
+    """The frame as RGB, shrunk to at most :data:`_MAX_SIDE_PX`: figures are not larger."""
+    scale = _MAX_SIDE_PX / max(image_bgr.shape[:2])
     if scale < 1:
         image_bgr = cv2.resize(image_bgr, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     return np.ascontiguousarray(image_bgr[..., ::-1])

@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from scene4d.core.camera import Camera
 
-STEP = 1e-4
+_STEP = 1e-4
 Z95 = 1.959964
 """Half width of a Gaussian's 95 % interval in standard deviations."""
 
@@ -18,13 +18,13 @@ def propagated(
     function: Callable[[Camera], Float[np.ndarray, "n"]],
 ) -> Float[np.ndarray, "n"]:
     """Standard deviation of ``function(camera)``: ``sqrt(J C Jᵀ)`` with central differences."""
-    moves = [m for m in np.eye(5) * STEP if covariance[m > 0, m > 0] > 0]
+    moves = [m for m in np.eye(5) * _STEP if covariance[m > 0, m > 0] > 0]
     if not moves:
         return np.zeros(len(function(camera)))
     used = np.flatnonzero(np.sum(moves, axis=0))
     J = np.column_stack(
         [
-            (function(camera.disturbed(m)) - function(camera.disturbed(-m))) / (2 * STEP)
+            (function(camera.disturbed(m)) - function(camera.disturbed(-m))) / (2 * _STEP)
             for m in moves
         ]
     )

@@ -9,7 +9,7 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.drawing.uncertainty import Z95, field_of_view, propagated
 
-MINUS = "−"
+_MINUS = "−"
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Row:
     meaning: str
 
 
-def decimals(sigma: float) -> int:
+def _decimals(sigma: float) -> int:
     """Decimal places that show ``sigma`` with one digit, or two when the first is 1."""
     if not (np.isfinite(sigma) and sigma > 0):
         return 2
@@ -35,7 +35,7 @@ def number(value: float, places: int) -> str:
     """Fixed-point text with a real minus sign, never ``-0``; spaced thousands from 10 000."""
     text = f"{abs(value):,.{places}f}".replace(",", "\u202f" if abs(value) >= 1e4 else "")
     negative = value < 0 and float(f"{abs(value):.{places}f}") != 0
-    return (MINUS if negative else "") + text
+    return (_MINUS if negative else "") + text
 
 
 def plus_minus(value: float, sigma: float | None, unit: str, places: int = 2) -> str:
@@ -45,7 +45,7 @@ def plus_minus(value: float, sigma: float | None, unit: str, places: int = 2) ->
         return f"{number(value, places)}{gap}{unit}"
     if sigma == 0:
         return f"{number(value, places)}{gap}{unit} (given)"
-    n = decimals(sigma)
+    n = _decimals(sigma)
     if unit == "°":
         return f"{number(value, n)}° ± {number(sigma, n)}°"
     return f"{number(value, n)} ± {number(sigma, n)}{gap}{unit}".rstrip("\u00a0")
@@ -152,6 +152,6 @@ def _log_row(
 
 
 def _interval(low: float, high: float, sigma: float, unit: str) -> str:
-    n = decimals(sigma)
+    n = _decimals(sigma)
     gap = "" if unit == "°" else "\u00a0"
     return f"{number(low, n)} to {number(high, n)}{gap}{unit}".rstrip("\u00a0")

@@ -10,12 +10,12 @@ from scene4d.searching.activities.definition import Activity, Phase
 from scene4d.searching.predicates.rows import Stage
 from scene4d.searching.predicates.turning import window
 
-NEAR = "near"
-WINDOW_S = 1.0
+_NEAR = "near"
+_WINDOW_S = 1.0
 """Velocities in the picture come from a straight line through so much of a track."""
 NOISE_SHARE = 0.02
 """How far the foot of a box is off, as a share of the box's height."""
-SLOW_SIGMAS = 3.0
+_SLOW_SIGMAS = 3.0
 """What moves by less than so many standard deviations has no heading of its own."""
 
 
@@ -28,7 +28,7 @@ def near_alone(activity: Activity) -> Activity | None:
     kept: list[Phase] = []
     gap_s = 0.0
     for phase in activity.phases:
-        terms = tuple(t for t in phase.terms if t.predicate == NEAR and not t.negated)
+        terms = tuple(t for t in phase.terms if t.predicate == _NEAR and not t.negated)
         gap_s += phase.gap_s
         if terms:
             gap_s = gap_s if kept else 0.0
@@ -45,7 +45,7 @@ def in_pixels(stage: Stage, metres_per_px: float) -> Stage:
     """The stage as if the picture were the ground: x to the right, y up, feet of the boxes.
 
     One factor for all pictures makes metres of pixels, so that the same activities can be searched
-    for. Velocities are slopes over :data:`WINDOW_S`, headings those of the motion (the last one
+    for. Velocities are slopes over :data:`_WINDOW_S`, headings those of the motion (the last one
     where somebody stands), errors :data:`NOISE_SHARE` of the box. Where nobody was seen all is NaN.
     Raises :class:`InputError` where the factor is not positive.
     """
@@ -75,7 +75,7 @@ def _slopes(
     """Slope of a straight line through the rows of the same track within half a window, and its
     variance for positions of variance 1; NaN where that is one row.
     """
-    early, late = window(stage, np.arange(len(xy)), WINDOW_S / 2)
+    early, late = window(stage, np.arange(len(xy)), _WINDOW_S / 2)
     begin, end = early, late + 1
     origin = stage.first_row[stage.track_of_row]
     time_s = stage.tracks.time_s
@@ -103,7 +103,7 @@ def _headings(
 ) -> dict[str, np.ndarray]:
     """Heading of the motion, of the last motion where there is none, else of the next."""
     speed = np.hypot(*velocity.T)
-    moving = np.flatnonzero(speed > SLOW_SIGMAS * sigma)
+    moving = np.flatnonzero(speed > _SLOW_SIGMAS * sigma)
     heading, heading_sigma = np.full((2, len(track)), np.nan)
     if len(moving):
         last = np.searchsorted(moving, np.arange(len(track)), side="right") - 1

@@ -26,10 +26,10 @@ from scene4d.formats.annotations import read_annotations
 from scene4d.formats.homographies import read_ground_map
 from scene4d.searching.predicates import NEAR_TAU_M
 
-OBJECTS = ".viratdata.objects.txt"
-VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mov", ".mkv"})
-VEHICLES = ("car", "vehicle")
-PLACE_M = 1.0
+_OBJECTS = ".viratdata.objects.txt"
+_VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mov", ".mkv"})
+_VEHICLES = ("car", "vehicle")
+_PLACE_M = 1.0
 """Vehicles count once per square of this side, so a parked one counts once and not per frame."""
 
 _HOMOGRAPHY = re.compile(r"(\d{4})_homography_img2world\.txt$")
@@ -140,7 +140,7 @@ def virat(
     people = boxes.select(boxes.class_name == "person")
     if not len(people):
         raise InputError(f"{annotations}: holds no persons; choose another clip of {others}")
-    vehicles = boxes.select(np.isin(boxes.class_name, VEHICLES))
+    vehicles = boxes.select(np.isin(boxes.class_name, _VEHICLES))
     reference, note = _reference(f"VIRAT {scene}", truth, people, vehicles)
     return ViratScene(scene, name, reference, annotations, video, people, (_ROUGH, *note))
 
@@ -156,20 +156,20 @@ def spread_frames(detections: Detections, count: int = PUBLISHED["virat"].frames
 
 def _clip(folder: Path, files: Sequence[Path], wanted: str | None) -> tuple[str, Path, str]:
     """Name and annotation of the clip, and the names of all clips in words."""
-    found = [f for f in files if f.name.endswith(OBJECTS)]
+    found = [f for f in files if f.name.endswith(_OBJECTS)]
     if not found:
         raise InputError(
-            f"{folder}: holds no annotation *{OBJECTS}, nor does a folder in it; expected the "
+            f"{folder}: holds no annotation *{_OBJECTS}, nor does a folder in it; expected the "
             "files of the VIRAT ground data set, release 2.0"
         )
-    clips = sorted({f.name.removesuffix(OBJECTS) for f in found})
+    clips = sorted({f.name.removesuffix(_OBJECTS) for f in found})
     words = ", ".join(clips[:_NAMED])
     if len(clips) > _NAMED:
         words += f" and {len(clips) - _NAMED} more"
-    name = clips[0] if wanted is None else wanted.removesuffix(OBJECTS)
+    name = clips[0] if wanted is None else wanted.removesuffix(_OBJECTS)
     if name not in clips:
         raise InputError(f"{folder}: holds no clip {name!r}; it has {words}")
-    return name, _only([f for f in found if f.name == name + OBJECTS], f"clip {name}"), words
+    return name, _only([f for f in found if f.name == name + _OBJECTS], f"clip {name}"), words
 
 
 def _scene(annotations: Path) -> str:
@@ -177,7 +177,7 @@ def _scene(annotations: Path) -> str:
     if match is None:
         raise InputError(
             f"{annotations}: the name does not say which scene this is; expected "
-            f"VIRAT_S_ and at least four digits, as in VIRAT_S_000001{OBJECTS}"
+            f"VIRAT_S_ and at least four digits, as in VIRAT_S_000001{_OBJECTS}"
         )
     return match[1]
 
@@ -195,7 +195,7 @@ def _homography(folder: Path, files: Sequence[Path], scene: str, clip: str) -> P
 
 
 def _video(files: Sequence[Path], clip: str) -> Path | None:
-    found = [f for f in files if f.stem == clip and f.suffix.lower() in VIDEO_SUFFIXES]
+    found = [f for f in files if f.stem == clip and f.suffix.lower() in _VIDEO_SUFFIXES]
     return _only(found, f"the video of clip {clip}") if found else None
 
 
@@ -261,8 +261,8 @@ def _on_ground(truth: GroundMap, found: Detections) -> Detections:
 
 
 def _places(truth: GroundMap, vehicles: Detections) -> Float[np.ndarray, "m 2"]:
-    """Bottom centres of vehicles in pixels, one per square of :data:`PLACE_M`."""
+    """Bottom centres of vehicles in pixels, one per square of :data:`_PLACE_M`."""
     uv = vehicles.box_foot_uv
-    square = np.floor(truth.locate(uv)[0] / PLACE_M)
+    square = np.floor(truth.locate(uv)[0] / _PLACE_M)
     first = np.unique(square, axis=0, return_index=True)[1]
     return uv[np.sort(first)]

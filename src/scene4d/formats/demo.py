@@ -13,7 +13,7 @@ from scene4d.core.tables import read_table
 
 IMAGE_SIZE = (768, 576)
 FILE_NAME = "demo_people.parquet"
-KEYPOINTS = (
+_KEYPOINTS = (
     "head_top",
     "left_shoulder", "right_shoulder", "left_hip", "right_hip",
     "left_big_toe", "left_small_toe", "left_heel",
@@ -24,7 +24,7 @@ KEYPOINTS = (
 
 def demo_columns(detections: Detections) -> dict[str, np.ndarray]:
     """The table's columns: float32, pixels to 0.1, scores to 0.001, frames and tracks int32."""
-    at = [detections.keypoint_names.index(name) for name in KEYPOINTS]
+    at = [detections.keypoint_names.index(name) for name in _KEYPOINTS]
     columns: dict[str, np.ndarray] = {
         "frame": detections.frame.astype(np.int32),
         "time_s": detections.time_s.astype(np.float32),
@@ -33,7 +33,7 @@ def demo_columns(detections: Detections) -> dict[str, np.ndarray]:
     }
     for i, name in enumerate(("x1", "y1", "x2", "y2")):
         columns[name] = detections.box_xyxy[:, i].round(1).astype(np.float32)
-    for i, name in zip(at, KEYPOINTS, strict=True):
+    for i, name in zip(at, _KEYPOINTS, strict=True):
         for j, axis in enumerate("uv"):
             values = detections.keypoint_uv[:, i, j].round(1)
             columns[f"{name}_{axis}"] = values.astype(np.float32)
@@ -45,8 +45,8 @@ def demo_detections() -> Detections:
     """The embedded table."""
     with as_file(files("scene4d.formats") / "data" / FILE_NAME) as path:
         table = read_table(path)
-    uv = [[table[f"{name}_{axis}"] for axis in "uv"] for name in KEYPOINTS]
-    score = [table[f"{name}_score"] for name in KEYPOINTS]
+    uv = [[table[f"{name}_{axis}"] for axis in "uv"] for name in _KEYPOINTS]
+    score = [table[f"{name}_score"] for name in _KEYPOINTS]
     return Detections.from_boxes(
         IMAGE_SIZE,
         table["frame"],
@@ -56,5 +56,5 @@ def demo_detections() -> Detections:
         track=table["track"],
         keypoint_uv=np.transpose(np.array(uv), (2, 0, 1)),
         keypoint_score=np.array(score).T,
-        keypoint_names=KEYPOINTS,
+        keypoint_names=_KEYPOINTS,
     )

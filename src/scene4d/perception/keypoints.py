@@ -16,9 +16,9 @@ from scene4d.perception.weights import weight_path
 
 INPUT_SIZE = (192, 256)
 """Width and height of the network's input, pixels."""
-PADDING = 1.25
+_PADDING = 1.25
 """The crop is the box, widened to the input's aspect, times this."""
-BINS_PER_PIXEL = 2
+_BINS_PER_PIXEL = 2
 BATCH = 16
 
 _MEAN_RGB = np.array([123.675, 116.28, 103.53], np.float32)
@@ -36,7 +36,7 @@ def crop_transforms(
     """
     width, height = input_size
     centre = (box_xyxy[:, :2] + box_xyxy[:, 2:]) / 2
-    size = np.maximum(box_xyxy[:, 2:] - box_xyxy[:, :2], 1.0) * PADDING
+    size = np.maximum(box_xyxy[:, 2:] - box_xyxy[:, :2], 1.0) * _PADDING
     scale = 1 / np.maximum(size[:, 0] / width, size[:, 1] / height)
     return scale, np.array([width, height]) / 2 - scale[:, None] * centre
 
@@ -87,7 +87,7 @@ class KeypointEstimator:
             logits_x, logits_y = self._session.run(["simcc_x", "simcc_y"], {self._input: crops})
             x, peak_x = decode_simcc(logits_x)
             y, peak_y = decode_simcc(logits_y)
-            inside = np.stack([x, y], axis=2) / BINS_PER_PIXEL
+            inside = np.stack([x, y], axis=2) / _BINS_PER_PIXEL
             uv[rows] = (inside - shift[rows, None, :]) / scale[rows, None, None]
             score[rows] = np.clip(np.minimum(peak_x, peak_y), 0.0, 1.0)
         return uv, score

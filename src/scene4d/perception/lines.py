@@ -4,11 +4,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-MIN_LENGTH = 0.02
+_MIN_LENGTH = 0.02
 """Shortest edge, as a share of the image's diagonal: shorter ones point anywhere."""
-MARGIN = 0.01
+_MARGIN = 0.01
 """Border of the image that is left out, as a share of its diagonal."""
-BLACK_LEVEL = 8
+_BLACK_LEVEL = 8
 
 
 def straight_edges(
@@ -27,8 +27,8 @@ def straight_edges(
     xyxy = found[:, 0].astype(float)
     height, width = grey.shape
     diagonal = np.hypot(width, height)
-    xyxy = xyxy[np.hypot(*(xyxy[:, 2:] - xyxy[:, :2]).T) > MIN_LENGTH * diagonal]
-    blocked = _outside(background_bgr, max(2, round(MARGIN * diagonal)))
+    xyxy = xyxy[np.hypot(*(xyxy[:, 2:] - xyxy[:, :2]).T) > _MIN_LENGTH * diagonal]
+    blocked = _outside(background_bgr, max(2, round(_MARGIN * diagonal)))
     for x1, y1, x2, y2 in np.empty((0, 4)) if hidden_xyxy is None else hidden_xyxy:
         blocked[max(0, int(y1)) : int(y2) + 2, max(0, int(x1)) : int(x2) + 2] = True
     along = np.linspace(0, 1, 7)[:, None, None]
@@ -39,7 +39,7 @@ def straight_edges(
 
 def _outside(image_bgr: np.ndarray, margin: int) -> np.ndarray:
     """What is no picture: black areas that touch the border, and a margin around them."""
-    dark = (image_bgr.max(axis=2) < BLACK_LEVEL).astype(np.uint8)
+    dark = (image_bgr.max(axis=2) < _BLACK_LEVEL).astype(np.uint8)
     padded = np.pad(dark, 1, constant_values=1)
     # Everything black that hangs together with the frame around the picture.
     labels = cv2.connectedComponents(padded, connectivity=4)[1]

@@ -17,9 +17,9 @@ from scene4d.perception.detectors.tiled import TiledDetector
 from scene4d.perception.detectors.tiles import ExpectedPersonPx
 from scene4d.perception.people import PoseEstimator, TimedImage, persons
 
-SAME_IOU = 0.5
+_SAME_IOU = 0.5
 """Boxes of cars, trucks and buses (or of the two kinds of bicycle) that overlap more are one."""
-PART_SHARE = 0.8
+_PART_SHARE = 0.8
 """A box that lies so far inside a better one of its class is a part of it."""
 
 _WHEELS = {name: 2 if name in ("bicycle", "motorcycle") else 4 for name in VEHICLES}
@@ -113,7 +113,7 @@ class ObjectDetector:
 def one_per_vehicle(found: sv.Detections) -> sv.Detections:
     """The vehicles among detections, one row each, best first.
 
-    Of boxes of several classes that overlap by more than ``SAME_IOU`` (a pick-up is a car and a
+    Of boxes of several classes that overlap by more than ``_SAME_IOU`` (a pick-up is a car and a
     truck) the best is kept, bicycles and motorcycles apart from cars, trucks and buses: those
     stand in front of one another. Then parts go: boxes inside a better one of their own class.
     """
@@ -129,9 +129,9 @@ def one_per_vehicle(found: sv.Detections) -> sv.Detections:
         confidence=score[kept],
         class_id=np.array([_WHEELS[name] for name in kind]),
         data={"class_name": kind},
-    ).with_nms(SAME_IOU)
+    ).with_nms(_SAME_IOU)
     vehicles.class_id = np.array([VEHICLES.index(name) for name in vehicles.data["class_name"]])
-    return vehicles.with_nms(PART_SHARE, overlap_metric=sv.OverlapMetric.IOS)
+    return vehicles.with_nms(_PART_SHARE, overlap_metric=sv.OverlapMetric.IOS)
 
 
 def _boxes(found: sv.Detections) -> tuple[np.ndarray, np.ndarray]:

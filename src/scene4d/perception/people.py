@@ -14,7 +14,7 @@ from scene4d.perception.appearance import colour_histograms
 from scene4d.perception.detectors.base import Detector
 from scene4d.perception.tracking import Tracker
 
-PeopleProgress = Callable[[int, int], None]
+_PeopleProgress = Callable[[int, int], None]
 """Called after every frame with the frames done and the people found so far."""
 
 
@@ -113,7 +113,7 @@ def detect_people(
     frames: Iterable[TimedImage],
     people: PeopleDetector | None = None,
     *,
-    progress: PeopleProgress | None = None,
+    progress: _PeopleProgress | None = None,
 ) -> Detections:
     """The people of a stream of frames, which is read once and never kept.
 

@@ -11,22 +11,22 @@ from scipy.spatial import cKDTree
 
 from scene4d.core.people import Detections
 
-MIN_DURATION_S = 45.0
+_MIN_DURATION_S = 45.0
 """People who talk stand in one place for half a minute."""
-MIN_FRAMES = 10
-CLIP_SHARE = 0.6
+_MIN_FRAMES = 10
+_CLIP_SHARE = 0.6
 """Share of the clip from the first to the last sighting."""
-SEEN_SHARE = 0.5
+_SEEN_SHARE = 0.5
 """Share of the frames between them with a sighting: separates one that stays from many who pass
 the same spot."""
-MIN_IOU = 0.7
-STILL = 0.025
+_MIN_IOU = 0.7
+_STILL = 0.025
 """Typical (median) shift of a sighting against the middle one, in heights. Someone who stands
 shifts their weight and turns by more; a detector's jitter on a still figure is about 0.01."""
 
 
 def stationary(
-    detections: Detections, *, min_duration_s: float = MIN_DURATION_S
+    detections: Detections, *, min_duration_s: float = _MIN_DURATION_S
 ) -> Bool[np.ndarray, "n"]:
     """Which detections (n,) show something that stays in place through most of the clip.
 
@@ -35,12 +35,12 @@ def stationary(
     """
     nothing = np.zeros(len(detections), bool)
     time, frame = detections.time_s, detections.frame
-    if not len(time) or not np.isfinite(time).all() or len(np.unique(frame)) < MIN_FRAMES:
+    if not len(time) or not np.isfinite(time).all() or len(np.unique(frame)) < _MIN_FRAMES:
         return nothing
     duration = float(time.max() - time.min())
     if duration < min_duration_s:
         return nothing
-    needed_s = max(min_duration_s, CLIP_SHARE * duration)
+    needed_s = max(min_duration_s, _CLIP_SHARE * duration)
     frames = np.unique(frame)
     out = nothing
     for members in same_place(detections.box_xyxy):
@@ -48,7 +48,7 @@ def stationary(
             continue
         seen = np.unique(frame[members])
         between = np.searchsorted(frames, seen[-1]) - np.searchsorted(frames, seen[0]) + 1
-        if len(seen) >= SEEN_SHARE * between and _is_still(detections.box_xyxy[members]):
+        if len(seen) >= _SEEN_SHARE * between and _is_still(detections.box_xyxy[members]):
             out[members] = True
     return out
 
@@ -57,10 +57,10 @@ def same_place(box_xyxy: Float[np.ndarray, "n 4"]) -> list[np.ndarray]:
     """For every box, the rows of those that overlap it by an IoU of at least 0.7, and itself."""
     # An IoU of s leaves no edge further off than (1 - s) / s of a box's longer side.
     side = np.maximum(box_xyxy[:, 2] - box_xyxy[:, 0], box_xyxy[:, 3] - box_xyxy[:, 1])
-    radius = side * (1 - MIN_IOU) / MIN_IOU
+    radius = side * (1 - _MIN_IOU) / _MIN_IOU
     near = cKDTree(box_xyxy).query_ball_point(box_xyxy, radius, p=np.inf)
     return [
-        np.array(rows)[_iou(box, box_xyxy[rows]) >= MIN_IOU]
+        np.array(rows)[_iou(box, box_xyxy[rows]) >= _MIN_IOU]
         for box, rows in zip(box_xyxy, near, strict=True)
     ]
 
@@ -75,4 +75,4 @@ def _iou(box: np.ndarray, others: np.ndarray) -> np.ndarray:
 def _is_still(box_xyxy: np.ndarray) -> bool:
     height = np.median(box_xyxy[:, 3] - box_xyxy[:, 1])
     shift = np.abs(box_xyxy - np.median(box_xyxy, axis=0)).max(axis=1)
-    return bool(np.median(shift) <= STILL * height)
+    return bool(np.median(shift) <= _STILL * height)

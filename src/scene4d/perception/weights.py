@@ -22,7 +22,7 @@ from scene4d.perception.sources import (
     ZipDownload,
 )
 
-CACHE_VARIABLE = "SCENE4D_CACHE"
+_CACHE_VARIABLE = "SCENE4D_CACHE"
 
 _OPENMMLAB = "https://download.openmmlab.com/mmpose/v1/projects/rtmposev1/onnx_sdk/"
 _YOLOX_FILE = "yolox_tiny_8xb8-300e_humanart-6f3252f9.onnx"
@@ -110,13 +110,13 @@ WEIGHTS: tuple[Weight, ...] = (
 
 PEOPLE_WEIGHTS = ("yolox-tiny", "rtmpose-s")
 """Names of the weights that finding people and their keypoints needs."""
-VEHICLE_WEIGHTS = ("yolov4-tiny", "yolov4-tiny-layers")
+_VEHICLE_WEIGHTS = ("yolov4-tiny", "yolov4-tiny-layers")
 """Names of the weights that finding vehicles needs besides."""
 
 
 def cache_dir() -> Path:
     """Folder of everything that scene4d keeps: ``SCENE4D_CACHE``, or the user's cache folder."""
-    if chosen := os.environ.get(CACHE_VARIABLE):
+    if chosen := os.environ.get(_CACHE_VARIABLE):
         return Path(chosen)
     from platformdirs import user_cache_dir
 
@@ -203,7 +203,7 @@ def _fetch(weight: Weight, weights: Sequence[Weight], progress: Progress | None)
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(
-            f"{folder}: cannot be made: {error.strerror}; set {CACHE_VARIABLE} to a folder that "
+            f"{folder}: cannot be made: {error.strerror}; set {_CACHE_VARIABLE} to a folder that "
             "can be written"
         ) from error
     reasons = []
@@ -226,7 +226,7 @@ def _fetch(weight: Weight, weights: Sequence[Weight], progress: Progress | None)
     raise UnavailableError(
         f"weight {weight.name}: {weight.file} (SHA-256 {weight.sha256}) is not in {folder} and no "
         f"source gave it ({'; '.join(reasons) or 'it has none'}); copy the file into {folder} by "
-        f"hand, or set {CACHE_VARIABLE} to a folder whose weights/ has it"
+        f"hand, or set {_CACHE_VARIABLE} to a folder whose weights/ has it"
     )
 
 

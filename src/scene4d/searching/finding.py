@@ -21,7 +21,7 @@ from scene4d.searching.stages import Staged
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
 
-AROUND_S = 4.0
+_AROUND_S = 4.0
 """So much before and after an event is kept to show it."""
 
 
@@ -29,7 +29,7 @@ AROUND_S = 4.0
 class FoundEvent:
     """An event, the run that it is in, and its first and last frame.
 
-    ``around`` are the rows of everybody from :data:`AROUND_S` before it until as much after, at
+    ``around`` are the rows of everybody from :data:`_AROUND_S` before it until as much after, at
     the rate that was searched; None for events that nobody looks at.
     """
 
@@ -168,7 +168,7 @@ def _in_window(done: Search, run: Run, events: Iterable[Event]) -> list[Event]:
 
 def _around(tracks: Tracks, event: Event) -> Tracks:
     time = tracks.time_s
-    return tracks.select((time >= event.begin_s - AROUND_S) & (time <= event.end_s + AROUND_S))
+    return tracks.select((time >= event.begin_s - _AROUND_S) & (time <= event.end_s + _AROUND_S))
 
 
 def _bare(found: FoundEvent) -> FoundEvent:

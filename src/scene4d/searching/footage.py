@@ -17,11 +17,11 @@ from scene4d.store.runs import Run
 if TYPE_CHECKING:
     from scene4d.video.frames import Source
 
-CLIP_HZ = 10.0
+_CLIP_HZ = 10.0
 """Pictures per second of a clip."""
-MOST_PICTURES = 100
+_MOST_PICTURES = 100
 """Longer events are shown faster than they were."""
-LEAD_S = 1.0
+_LEAD_S = 1.0
 """So much before and after an event is in its clip."""
 _ANNOTATIONS = (".geom.yml", ".types.yml", ".yml", ".yaml", ".xml", ".txt", ".json", ".csv")
 
@@ -122,7 +122,7 @@ def _cut(
 
 
 def _clips(source: "Source", events: Sequence[FoundEvent]) -> list[Clip | NoFootage]:
-    fps = source.fps or CLIP_HZ
+    fps = source.fps or _CLIP_HZ
     count = source.frame_count or 0
     wanted = [_frames(one, fps, count) for one in events]
     regions = [crop_region(one.around, one.event, source.image_size) for one in events]
@@ -140,12 +140,12 @@ def _clips(source: "Source", events: Sequence[FoundEvent]) -> list[Clip | NoFoot
 
 
 def _frames(found: FoundEvent, fps: float, count: int) -> Int[np.ndarray, "k"]:
-    """The pictures of a clip: evenly, and at most :data:`MOST_PICTURES`."""
-    lead = round(LEAD_S * fps)
+    """The pictures of a clip: evenly, and at most :data:`_MOST_PICTURES`."""
+    lead = round(_LEAD_S * fps)
     first, last = max(0, found.begin_frame - lead), min(count - 1, found.end_frame + lead)
     if last < first:
         return np.zeros(0, np.int64)
-    step = max(1, round(fps / CLIP_HZ), -(-(last - first + 1) // MOST_PICTURES))
+    step = max(1, round(fps / _CLIP_HZ), -(-(last - first + 1) // _MOST_PICTURES))
     return np.arange(first, last + 1, step)
 
 
@@ -153,7 +153,7 @@ def _clip(crops: list[Crop], frames: Int[np.ndarray, "k"], fps: float) -> Clip |
     if not crops:
         return NoFootage("The footage does not hold the frames of this event.")
     step = int(frames[1] - frames[0]) if len(frames) > 1 else 1
-    rate = min(fps, CLIP_HZ)
+    rate = min(fps, _CLIP_HZ)
     return Clip(tuple(crops), rate, round(step / fps * rate, 1))
 
 

@@ -19,7 +19,7 @@ from scene4d.searching.stages.staging import kept_moments, stage_of_thinned, thi
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
 
-POSED = frozenset({"arm_moving_up", "arm_moving_down"})
+_POSED = frozenset({"arm_moving_up", "arm_moving_down"})
 """Predicates that look at keypoints."""
 _WHOLE = ("track", "frame", "time_s", "observed")
 _FLOATS = (
@@ -53,7 +53,7 @@ def staged_run(
 
 def asks_for_keypoints(activity: Activity) -> bool:
     """Whether any predicate of an activity looks at the body."""
-    return any(term.predicate in POSED for phase in activity.phases for term in phase.terms)
+    return any(term.predicate in _POSED for phase in activity.phases for term in phase.terms)
 
 
 def playable(activity: Activity, classes: Collection[str]) -> bool:

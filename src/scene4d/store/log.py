@@ -24,7 +24,7 @@ from scene4d.core.errors import InputError, OutputError
 from scene4d.core.files import read_json, write_bytes, write_json
 from scene4d.core.people import Detections
 
-LOG_SCHEMA = "scene4d/detections/1"
+_LOG_SCHEMA = "scene4d/detections/1"
 _CHUNK = re.compile(r"(\d{5,})\.npz")
 _APPEARANCE, _FRAMES, _TIMES = "appearance", "frames_seen", "times_seen"
 _ABSENT = "nothing"
@@ -80,7 +80,7 @@ class DetectionLog:
         if path.name in names:
             _check_settings(path, settings, binding=bool(self._there))
         if not self._there:
-            write_json(path, {"schema": LOG_SCHEMA, "settings": settings})
+            write_json(path, {"schema": _LOG_SCHEMA, "settings": settings})
         self._complete = 0
         self._count()
         self._check_finished()
@@ -162,8 +162,8 @@ def _check_settings(path: Path, settings: dict[str, Any], *, binding: bool) -> N
     """Refuse a log of another version, and other settings where anything was detected by them."""
     stored = read_json(path)
     schema = stored.get("schema") if isinstance(stored, dict) else None
-    if schema != LOG_SCHEMA:
-        raise InputError(f"{path}: schema is {schema!r}, expected {LOG_SCHEMA!r}")
+    if schema != _LOG_SCHEMA:
+        raise InputError(f"{path}: schema is {schema!r}, expected {_LOG_SCHEMA!r}")
     if not binding:
         return
     before, now = dict(_leaves(stored["settings"])), dict(_leaves(settings))

@@ -31,9 +31,9 @@ _ALONE: dict[str, Any] = {
     "python_enable_replacements": "false",
 }
 
-Moment = datetime | float | int
+_Moment = datetime | float | int
 """A moment in UTC, or seconds from the start of a clip."""
-Rectangle = tuple[float | int, float | int, float | int, float | int]
+_Rectangle = tuple[float | int, float | int, float | int, float | int]
 """x0, y0, x1, y1 on the ground, in metres."""
 
 
@@ -48,12 +48,12 @@ class _Stored:
 
 @dataclass(frozen=True)
 class _Question:
-    begin: Moment | None
-    end: Moment | None
+    begin: _Moment | None
+    end: _Moment | None
     classes: Sequence[str] | None
     cameras: Sequence[str] | None
     tracks: Sequence[int] | np.ndarray | None
-    within_m: Rectangle | None
+    within_m: _Rectangle | None
     observed: bool | None
 
 
@@ -133,12 +133,12 @@ class Scene:
     def rows(
         self,
         *,
-        begin: Moment | None = None,
-        end: Moment | None = None,
+        begin: _Moment | None = None,
+        end: _Moment | None = None,
         classes: Sequence[str] | None = None,
         cameras: Sequence[str] | None = None,
         tracks: Sequence[int] | np.ndarray | None = None,
-        within_m: Rectangle | None = None,
+        within_m: _Rectangle | None = None,
         observed: bool | None = None,
         columns: Sequence[str] | None = None,
     ) -> Table:
@@ -154,12 +154,12 @@ class Scene:
     def tracks(
         self,
         *,
-        begin: Moment | None = None,
-        end: Moment | None = None,
+        begin: _Moment | None = None,
+        end: _Moment | None = None,
         classes: Sequence[str] | None = None,
         cameras: Sequence[str] | None = None,
         tracks: Sequence[int] | np.ndarray | None = None,
-        within_m: Rectangle | None = None,
+        within_m: _Rectangle | None = None,
         observed: bool | None = None,
     ) -> Tracks:
         """The same as :class:`Tracks`, ordered by (track, time), numbered as in the scene."""
@@ -273,7 +273,7 @@ def _check_there(wanted: Sequence[str], there: Sequence[str] | dict[str, int], w
         raise InputError(f"{what} {missing[0]!r} is not in the scene; there: {', '.join(there)}")
 
 
-def _check_range(begin: Moment | None, end: Moment | None) -> None:
+def _check_range(begin: _Moment | None, end: _Moment | None) -> None:
     for name, moment in (("begin", begin), ("end", end)):
         if isinstance(moment, datetime):
             if moment.tzinfo is None:
@@ -288,7 +288,7 @@ def _check_range(begin: Moment | None, end: Moment | None) -> None:
         raise InputError(f"begin {begin} is not before end {end}")
 
 
-def _reaches(run: Run, part: Part, begin: Moment | None, end: Moment | None) -> bool:
+def _reaches(run: Run, part: Part, begin: _Moment | None, end: _Moment | None) -> bool:
     """Whether a part can have rows in a range of time."""
     first, last = (
         _ns(moment) if isinstance(moment, datetime) else moment for moment in (begin, end)

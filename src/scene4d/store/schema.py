@@ -18,7 +18,7 @@ SCENE_SCHEMA = "scene4d/scene/1"
 """Name and version of what is written here, and the only one that is read."""
 RUN_TRACKS = 10**9
 """Track numbers that a run has for itself: the n-th run of a scene begins at n times this."""
-LONGEST_S = 2e9
+_LONGEST_S = 2e9
 """Footage is shorter than this; 64 bits of nanoseconds hold 9e9 s."""
 _NS = 1_000_000_000
 
@@ -72,7 +72,7 @@ COLUMN_NAMES: tuple[str, ...] = tuple(column.name for column in COLUMNS)
 KEYPOINT_COLUMNS: tuple[str, ...] = ("keypoint_u", "keypoint_v", "keypoint_score")
 
 
-def arrow_type(column: Column) -> DataType:
+def _arrow_type(column: Column) -> DataType:
     """The Arrow type that a column's ``type`` names."""
     types = {
         "int64": DataType.int64(),
@@ -98,7 +98,7 @@ def check_tracks(tracks: Tracks) -> None:
     """Raise :class:`InputError` for rows that a scene cannot hold, naming the first of them."""
     reasons = (
         (~np.isin(tracks.class_name, CLASSES), "class_name", f"one of {', '.join(CLASSES)}"),
-        (~(np.abs(tracks.time_s) < LONGEST_S), "time_s", f"seconds below {LONGEST_S:.0e}"),
+        (~(np.abs(tracks.time_s) < _LONGEST_S), "time_s", f"seconds below {_LONGEST_S:.0e}"),
         (~((tracks.track >= 0) & (tracks.track < RUN_TRACKS)), "track", f"0 to {RUN_TRACKS - 1}"),
     )
     for bad, name, expected in reasons:
@@ -128,7 +128,7 @@ def to_table(tracks: Tracks, *, camera: str, start_ns: int, track_base: int) -> 
         columns[name] = nulls.put(np.ascontiguousarray(values, np.float64))
     columns |= _keypoints(tracks)
     # Types by cast: numpy knows neither time zones nor dictionaries.
-    typed = {c.name: columns[c.name].cast(arrow_type(c)) for c in COLUMNS}
+    typed = {c.name: columns[c.name].cast(_arrow_type(c)) for c in COLUMNS}
     return Table.from_pydict(typed)
 
 

@@ -46,7 +46,7 @@ from scene4d.store.schema import (
     to_table,
 )
 
-ROWS_PER_PART = 131_072
+_ROWS_PER_PART = 131_072
 """Rows that are held in memory before they become a file: about 70 MB with keypoints."""
 _ROWS_PER_GROUP = 32_768
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
@@ -76,7 +76,7 @@ class SceneWriter:
         start_utc: datetime | None,
         camera_json: dict[str, Any],
         provenance: dict[str, Any],
-        rows_per_part: int = ROWS_PER_PART,
+        rows_per_part: int = _ROWS_PER_PART,
     ) -> None:
         self._folder = Path(folder)
         self._run = Run(

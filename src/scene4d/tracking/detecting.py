@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from scene4d.tracking.following import Look
     from scene4d.video.frames import Source
 
-LOGS = "detections"
+_LOGS = "detections"
 """Folder in a scene for what the detectors saw; it may be removed once a run is complete."""
 
 
@@ -36,7 +36,7 @@ def watched(
     from scene4d.tracking.looking import looks_of_log
     from scene4d.tracking.watching import watch_into
 
-    log = DetectionLog(run.scene / LOGS / run.run, settings)
+    log = DetectionLog(run.scene / _LOGS / run.run, settings)
     if log.finished:
         run.resumed = log.complete
         return looks_of_log(log)
@@ -44,7 +44,7 @@ def watched(
     camera = calibration.camera
     height_m = options.height_m(calibration)
     assert camera is not None
-    chosen = make_objects(options.detector)
+    chosen = _make_objects(options.detector)
     objects = chosen.expecting(lambda rows: person_px(camera, rows, height_m))
     watch_into(log, footage, objects, options, run, progress)
     run.timings |= objects.timings
@@ -52,7 +52,7 @@ def watched(
     return looks_of_log(log)
 
 
-def make_objects(chosen: str | Path | None) -> "ObjectDetector":
+def _make_objects(chosen: str | Path | None) -> "ObjectDetector":
     """The detectors for people and vehicles; raises :class:`InputError` for an unknown name."""
     from scene4d.perception.objects import ObjectDetector
 

@@ -18,7 +18,7 @@ from scene4d.tracking.placing import known_classes
 if TYPE_CHECKING:
     from scene4d.store.log import DetectionLog
 
-FRAMES_PER_LOOK = 300
+_FRAMES_PER_LOOK = 300
 """Annotated frames that are placed and followed at once."""
 
 
@@ -98,7 +98,7 @@ def _slots(annotated: np.ndarray, fps: float, rate_hz: float) -> np.ndarray:
 
 
 def _pieces(found: Detections, frames: np.ndarray, fps: float) -> Iterator[Look]:
-    for begin in range(0, len(frames), FRAMES_PER_LOOK):
-        some = frames[begin : begin + FRAMES_PER_LOOK]
+    for begin in range(0, len(frames), _FRAMES_PER_LOOK):
+        some = frames[begin : begin + _FRAMES_PER_LOOK]
         rows = np.arange(*np.searchsorted(found.frame, [some[0], some[-1] + 1]))
         yield Look(some, some / fps, found.select(rows))

@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 from scene4d.tracking.chain import solve_chain
 from scene4d.tracking.motion_model import ACCELERATION, LASTING_S, LASTING_SHARE, SPEED, transition
 
-STANDING_LASTING_S = 600.0
+_STANDING_LASTING_S = 600.0
 """How long errors last while the object stands: it is then seen from one side, in one light."""
 
 _FAR_M = 100.0  # standard deviation of a position about the first sighting: as good as unknown
@@ -110,7 +110,7 @@ class Chain:
         still = standing[:-1] & standing[1:]
         step, inverse = np.zeros((2, len(dt), 3, 3))
         step[:, :2, :2], inverse[:, :2, :2] = transition(dt, ACCELERATION[m.kind[1:]], still)
-        lasts = np.where(still, STANDING_LASTING_S, LASTING_S)
+        lasts = np.where(still, _STANDING_LASTING_S, LASTING_S)
         step[:, 2, 2] = np.exp(-dt / lasts)
         inverse[:, 2, 2] = -1 / np.expm1(-2 * dt / lasts)
         inverse[~linked] = 0.0

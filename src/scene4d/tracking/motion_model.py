@@ -48,9 +48,9 @@ would say 0.75 and 1.6 s. Part of that is the drawn boxes' own, so less is taken
 knowing that the errors' 90 % quantile is 0.25 m with it, and 0.275 m with the other.
 """
 
-STANDING_DRIFT = 0.003
+_STANDING_DRIFT = 0.003
 """How far the estimate of a standing object may wander, m per root second."""
-STANDING_SPEED = 0.02
+_STANDING_SPEED = 0.02
 """Standard deviation of its velocity, m/s per axis."""
 
 
@@ -99,8 +99,8 @@ def transition(
         np.array([[12 / dt**3, -6 / dt**2], [-6 / dt**2, 4 / dt]]) * precise, -1, 0
     )
     still = np.zeros((len(dt), 2, 2))
-    still[:, 0, 0] = 1 / (STANDING_DRIFT**2 * dt)
-    still[:, 1, 1] = 1 / STANDING_SPEED**2
+    still[:, 0, 0] = 1 / (_STANDING_DRIFT**2 * dt)
+    still[:, 1, 1] = 1 / _STANDING_SPEED**2
     return step, np.where(standing[:, None, None], still, inverse)
 
 

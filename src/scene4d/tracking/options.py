@@ -8,7 +8,7 @@ from typing import Any
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 
-DEFAULT_RATE_HZ = 10.0
+_DEFAULT_RATE_HZ = 10.0
 """Pictures looked at per second: people and cars move little in a tenth of one."""
 
 
@@ -26,7 +26,7 @@ class TrackOptions:
     annotations: str | Path | None = None
     name: str | None = None
     start: datetime | None = None
-    rate_hz: float = DEFAULT_RATE_HZ
+    rate_hz: float = _DEFAULT_RATE_HZ
     fps: float | None = None
     person_height_m: float | None = None
     drop_invalid: bool = False

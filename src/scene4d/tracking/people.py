@@ -8,10 +8,10 @@ their errors correlate by 0.8), so the better one alone stands for its end. Wher
 a head and no foot the legs are hidden, and the bottom of the box is no end (on PETS 0.6 m off).
 
 The two ends are combined in proportion to their information. Where they disagree by more than
-chance (:data:`DISAGREEMENT`), one of them is not what it is taken for: something hides the legs, or
-the person stoops. Seen feet are believed, if the contradiction is plain (:data:`CONTRADICTION`). Of
-boxes nobody knows which end it is (on PETS the bottom is right ten times in eleven, behind parked
-cars it is wrong): either may be, and the covariance says so.
+chance (:data:`_DISAGREEMENT`), one of them is not what it is taken for: something hides the legs,
+or the person stoops. Seen feet are believed, if the contradiction is plain
+(:data:`_CONTRADICTION`). Of boxes nobody knows which end it is (on PETS the bottom is right ten
+times in eleven, behind parked cars it is wrong): either may be, and the covariance says so.
 
 What both ends share, the middle of the body not being above the middle of the feet, is added to
 the covariance at the end (:data:`BODY_SIGMA_M`).
@@ -40,9 +40,9 @@ HEIGHT_SIGMA_M = 0.09
 """Spread of the heights of adults."""
 BODY_SIGMA_M = 0.085
 """The middle of the body against that of its feet or head, on the ground."""
-CONTRADICTION = 4.0
+_CONTRADICTION = 4.0
 """Ends farther apart than this many standard deviations (Mahalanobis) contradict each other."""
-DISAGREEMENT = 2.0
+_DISAGREEMENT = 2.0
 """Ends farther apart than this disagree: up to here their stated errors hold on PETS."""
 
 
@@ -98,7 +98,7 @@ def explain_people(
     )
     on_foot = np.isin(seen.below.by, (BOTH_FEET, ONE_FOOT))
     apart = _apart(lower, upper)
-    use_lower, use_upper = lower.known, upper.known & ~(on_foot & (apart > CONTRADICTION))
+    use_lower, use_upper = lower.known, upper.known & ~(on_foot & (apart > _CONTRADICTION))
     xy, covariance = _combined(lower, upper, use_lower, use_upper)
     covariance = covariance + _either(lower, upper, xy, np.where(on_foot, 0.0, apart))
     heading, heading_sigma = body_headings(detections, camera, tall)
@@ -130,7 +130,7 @@ def _either(
     """What comes on top of the covariance where either end may be the right one: the mean square
     of their ways from the position, in so far as they are farther apart than by chance.
     """
-    share = 1 - np.minimum(1.0, DISAGREEMENT / np.maximum(apart, 1e-9)) ** 2
+    share = 1 - np.minimum(1.0, _DISAGREEMENT / np.maximum(apart, 1e-9)) ** 2
     added = np.zeros((len(apart), 2, 2))
     for end in (lower, upper):
         way = np.where(share[:, None] > 0, end.xy_m - xy_m, 0.0)

@@ -19,20 +19,20 @@ from scene4d.tracking.people_placing import inverse, pixel_sigma
 from scene4d.tracking.people_points import body_point
 from scene4d.tracking.rays import Rays
 
-SHOULDER_HEIGHT = 0.82
+_SHOULDER_HEIGHT = 0.82
 """Height of the shoulders as a share of the person's."""
-SHOULDERS_M = 0.33
+_SHOULDERS_M = 0.33
 """Distance between the shoulders' keypoints on the ground plan."""
-FOOT_M = 0.16
+_FOOT_M = 0.16
 """From the heel to the middle of the two toes' keypoints."""
-SHOULDER_SHARE = 0.03
-FOOT_SHARE = 0.03
+_SHOULDER_SHARE = 0.03
+_FOOT_SHARE = 0.03
 """Spread of a difference of two points, as a share of the person's length in the image."""
-TURN_M = 0.08
+_TURN_M = 0.08
 """Bodies twist and feet turn: what comes on top on the ground."""
-WRONG = 0.04
+_WRONG = 0.04
 """Left is taken for right: so often the heading is anything."""
-TOO_WIDE_RAD = np.radians(75.0)
+_TOO_WIDE_RAD = np.radians(75.0)
 """A heading less sure than this is none."""
 _DIRECTIONS = 48
 
@@ -54,11 +54,11 @@ def body_headings(
     # log of N(forwards; unit, covariance) but for what all directions have in common
     log = pull @ unit.T - np.einsum("ki,nij,kj->nk", unit, information, unit) / 2
     weight = np.exp(log - log.max(axis=1, keepdims=True))
-    mean = (weight @ unit) / weight.sum(axis=1, keepdims=True) * (1 - WRONG)
+    mean = (weight @ unit) / weight.sum(axis=1, keepdims=True) * (1 - _WRONG)
     with np.errstate(divide="ignore"):  # nothing seen: all directions are alike
         sigma = np.sqrt(-2 * np.log(np.hypot(mean[:, 0], mean[:, 1])))
     heading = np.arctan2(mean[:, 1], mean[:, 0])
-    sure = sigma < TOO_WIDE_RAD
+    sure = sigma < _TOO_WIDE_RAD
     return np.where(sure, heading, np.nan), np.where(sure, sigma, np.nan)
 
 
@@ -71,18 +71,18 @@ def _sightings(
         camera,
         ("right_shoulder",),
         ("left_shoulder",),
-        SHOULDER_HEIGHT * height_m,
-        SHOULDER_SHARE,
+        _SHOULDER_HEIGHT * height_m,
+        _SHOULDER_SHARE,
     )
     forwards = np.column_stack([shoulders[:, 1], -shoulders[:, 0]])
     # turned by a right angle: x' = y, y' = -x
     turned = covariance[:, ::-1, ::-1] * np.array([[1, -1], [-1, 1]])
-    found = [(forwards / SHOULDERS_M, turned / SHOULDERS_M**2)]
+    found = [(forwards / _SHOULDERS_M, turned / _SHOULDERS_M**2)]
     ground = np.zeros(len(detections))
     for side in ("left", "right"):
         toes = (f"{side}_big_toe", f"{side}_small_toe")
-        foot, covariance = _vector(detections, camera, (f"{side}_heel",), toes, ground, FOOT_SHARE)
-        found.append((foot / FOOT_M, covariance / FOOT_M**2))
+        foot, covariance = _vector(detections, camera, (f"{side}_heel",), toes, ground, _FOOT_SHARE)
+        found.append((foot / _FOOT_M, covariance / _FOOT_M**2))
     return found
 
 
@@ -103,7 +103,7 @@ def _vector(
     rays = Rays.through(camera, np.concatenate([from_uv, to_uv]))
     start, end = (rays.select(half).meet(level_m) for half in (slice(n), slice(n, None)))
     noise = end.by_uv * pixel_sigma(np.full((n, 2), share), end.px_per_m)[:, None, :]
-    covariance = noise @ np.swapaxes(noise, 1, 2) + TURN_M**2 * np.eye(2)
+    covariance = noise @ np.swapaxes(noise, 1, 2) + _TURN_M**2 * np.eye(2)
     seen = from_seen & to_seen
     return (
         np.where(seen[:, None], end.xy_m - start.xy_m, np.nan),

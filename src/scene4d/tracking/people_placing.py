@@ -12,11 +12,11 @@ from scene4d.core.people import PERSON_HEIGHT_M, Detections
 from scene4d.tracking.people_points import Ends, lower_ends, upper_ends
 from scene4d.tracking.rays import Level, Rays
 
-FOOT_HEIGHT_M = 0.04
+_FOOT_HEIGHT_M = 0.04
 """Toes and heels stand this high above the ground."""
-FLOOR_PX = 1.0
+_FLOOR_PX = 1.0
 """No point of the image is known better than this."""
-TOO_UNSURE = 0.3
+_TOO_UNSURE = 0.3
 """An end that errs by more than this share of its distance from the camera says nothing."""
 
 
@@ -64,7 +64,7 @@ def pixel_sigma(
     share: Float[np.ndarray, "n 2"], px_per_m: Float[np.ndarray, "n"]
 ) -> Float[np.ndarray, "n 2"]:
     """Spread (px) of points: a share of the person's length in the image, and the floor."""
-    return np.hypot(FLOOR_PX, share * (PERSON_HEIGHT_M * px_per_m)[:, None])
+    return np.hypot(_FLOOR_PX, share * (PERSON_HEIGHT_M * px_per_m)[:, None])
 
 
 def on_the_ground(ends: Ends, rays: Rays) -> Placed:
@@ -72,7 +72,7 @@ def on_the_ground(ends: Ends, rays: Rays) -> Placed:
     back = -rays.row_normal[:, :2]
     with np.errstate(all="ignore"):  # looking straight down no side is the near one
         back = back / np.hypot(back[:, 0], back[:, 1])[:, None]
-    level = rays.meet(np.where(ends.radius_m > 0, 0.0, FOOT_HEIGHT_M))
+    level = rays.meet(np.where(ends.radius_m > 0, 0.0, _FOOT_HEIGHT_M))
     behind = np.where(ends.radius_m[:, None] > 0, ends.radius_m[:, None] * back, 0.0)
     spread = ends.spread_m[:, None, None] ** 2 * np.eye(2)
     return _placed(ends, rays, level, behind, spread)
@@ -120,12 +120,12 @@ def _placed(
     with np.errstate(all="ignore"):
         far = np.linalg.norm(level.xy_m - rays.origin_m[:2], axis=1)
         far = np.hypot(far, rays.origin_m[2])
-        sure = np.sqrt(largest_variance(covariance)) <= TOO_UNSURE * far
+        sure = np.sqrt(_largest_variance(covariance)) <= _TOO_UNSURE * far
     xy = np.where(sure[:, None], level.xy_m + shift, np.nan)
     return Placed(xy, np.where(sure[:, None, None], covariance, np.nan))
 
 
-def largest_variance(covariance: Float[np.ndarray, "n 2 2"]) -> Float[np.ndarray, "n"]:
+def _largest_variance(covariance: Float[np.ndarray, "n 2 2"]) -> Float[np.ndarray, "n"]:
     """The larger eigenvalue of symmetric 2x2 matrices, NaN for those that hold NaN."""
     a, b, d = covariance[:, 0, 0], covariance[:, 0, 1], covariance[:, 1, 1]
     return (a + d) / 2 + np.hypot((a - d) / 2, b)

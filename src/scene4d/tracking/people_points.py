@@ -12,28 +12,28 @@ from jaxtyping import Bool, Float
 
 from scene4d.core.people import Detections
 
-MIN_KEYPOINT_SCORE = 0.3
+_MIN_KEYPOINT_SCORE = 0.3
 """A point of the body that scores less is not seen (truncated feet score about 0.1)."""
-BORDER_PX = 2.0
+_BORDER_PX = 2.0
 """A box that comes this near to the image's border may be cut by it."""
 BODY_RADIUS_M = 0.25
 """From the axis of a walking body to the rim that a box's bottom edge touches."""
 HEAD_RADIUS_M = 0.10
 """Radius of the head's sphere, touched by a box's top edge."""
 
-FEET_SHARE = 0.025
+_FEET_SHARE = 0.025
 """Both feet, in any direction."""
-HEAD_SHARE = 0.025
+_HEAD_SHARE = 0.025
 """The top of the head, in any direction: as the feet, for heights hide what it is."""
 BOX_SHARE = 0.08
 """Upper and lower edges of boxes, as Faster R-CNN sets them."""
 DRAWN_BOX_SHARE = 0.03
 """The same of boxes drawn as carefully as those of PETS. (YOLOX's lie within 0.02.)"""
-ACROSS_SHARE = 0.03
+_ACROSS_SHARE = 0.03
 """The middle of a box, across."""
-CUT_SHARE = 0.10
+_CUT_SHARE = 0.10
 """The same where the left or the right border cuts the box: half a person may be missing."""
-STEP_SIGMA_M = 0.17
+_STEP_SIGMA_M = 0.17
 """One foot against the middle of both, on the ground."""
 
 BOTH_FEET, ONE_FOOT, BOX_BOTTOM = "both feet", "one foot", "box bottom"
@@ -97,7 +97,7 @@ def body_point(
     uv = detections.keypoint_uv[:, columns].mean(axis=1)
     last = np.array(detections.image_size) - 1
     inside = ((uv >= 0) & (uv <= last)).all(axis=1)
-    return uv, inside & (detections.keypoint_score[:, columns].min(axis=1) > MIN_KEYPOINT_SCORE)
+    return uv, inside & (detections.keypoint_score[:, columns].min(axis=1) > _MIN_KEYPOINT_SCORE)
 
 
 def lower_ends(detections: Detections, box_share: float) -> Ends:
@@ -108,10 +108,10 @@ def lower_ends(detections: Detections, box_share: float) -> Ends:
     left, left_seen = body_point(detections, _LEFT_FOOT)
     right, right_seen = body_point(detections, _RIGHT_FOOT)
     ends = Ends.unseen(len(detections))
-    ends.fill(left_seen & right_seen, BOTH_FEET, (left + right) / 2, FEET_SHARE)
+    ends.fill(left_seen & right_seen, BOTH_FEET, (left + right) / 2, _FEET_SHARE)
     for foot, seen in ((left, left_seen), (right, right_seen)):
-        ends.fill(seen, ONE_FOOT, foot, FEET_SHARE, spread_m=STEP_SIGMA_M)
-    uncut = detections.box_xyxy[:, 3] <= detections.image_size[1] - 1 - BORDER_PX
+        ends.fill(seen, ONE_FOOT, foot, _FEET_SHARE, spread_m=_STEP_SIGMA_M)
+    uncut = detections.box_xyxy[:, 3] <= detections.image_size[1] - 1 - _BORDER_PX
     if set(_LEFT_FOOT + _RIGHT_FOOT) <= set(detections.keypoint_names):
         uncut &= ~body_point(detections, _HEAD)[1]
     ends.fill(
@@ -128,10 +128,10 @@ def upper_ends(detections: Detections, box_share: float) -> Ends:
     """The top of the head, else the top of a box that the image's border does not cut."""
     head, seen = body_point(detections, _HEAD)
     ends = Ends.unseen(len(detections))
-    ends.fill(seen, HEAD, head, HEAD_SHARE)
+    ends.fill(seen, HEAD, head, _HEAD_SHARE)
     x1, y1, x2, _ = detections.box_xyxy.T
     ends.fill(
-        y1 >= BORDER_PX,
+        y1 >= _BORDER_PX,
         BOX_TOP,
         np.column_stack([(x1 + x2) / 2, y1]),
         _box_share(detections, box_share),
@@ -142,5 +142,5 @@ def upper_ends(detections: Detections, box_share: float) -> Ends:
 
 def _box_share(detections: Detections, along: float) -> np.ndarray:
     x1, x2 = detections.box_xyxy[:, 0], detections.box_xyxy[:, 2]
-    cut = (x1 < BORDER_PX) | (x2 > detections.image_size[0] - 1 - BORDER_PX)
-    return np.column_stack([np.where(cut, CUT_SHARE, ACROSS_SHARE), np.full(len(cut), along)])
+    cut = (x1 < _BORDER_PX) | (x2 > detections.image_size[0] - 1 - _BORDER_PX)
+    return np.column_stack([np.where(cut, _CUT_SHARE, _ACROSS_SHARE), np.full(len(cut), along)])

@@ -12,7 +12,7 @@ from scene4d.core.tracks import CLASSES, VEHICLES, Located
 from scene4d.tracking.people import locate_people
 from scene4d.tracking.vehicles import locate_vehicles
 
-HIDDEN_SHARE = 0.3
+_HIDDEN_SHARE = 0.3
 """Share of a box's lower edge that may be covered before it is not the object's own."""
 _NAME = f"<U{max(map(len, CLASSES))}"
 
@@ -50,7 +50,7 @@ def place(
 
 def bottoms_hidden(detections: Detections) -> Bool[np.ndarray, "n"]:
     """Boxes of whose lower edge another box of the frame, that reaches further down, covers more
-    than :data:`HIDDEN_SHARE`: what stands before them hides where they touch the ground.
+    than :data:`_HIDDEN_SHARE`: what stands before them hides where they touch the ground.
     """
     hidden = np.zeros(len(detections), bool)
     order = np.argsort(detections.frame, kind="stable")
@@ -60,7 +60,7 @@ def bottoms_hidden(detections: Detections) -> Bool[np.ndarray, "n"]:
         across = np.minimum(x2[:, None], x2) - np.maximum(x1[:, None], x1)
         before = (y2[None] > y2[:, None] + 1) & (y1[None] < y2[:, None])
         covered = np.where(before, np.clip(across, 0, None), 0.0).max(axis=1)
-        hidden[rows] = covered > HIDDEN_SHARE * (x2 - x1)
+        hidden[rows] = covered > _HIDDEN_SHARE * (x2 - x1)
     return hidden
 
 

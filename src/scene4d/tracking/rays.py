@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from scene4d.core.camera import Camera
 
 _STEP_PX = 0.5
-MIN_DEPTH_M = 1e-6
+_MIN_DEPTH_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +70,7 @@ class Rays:
         d, above = self.direction, np.asarray(height_m, float) - self.origin_m[2]
         with np.errstate(all="ignore"):  # rays along the level never meet it
             depth = above / d[:, 2]
-            depth = np.where((depth > MIN_DEPTH_M) & np.isfinite(depth), depth, np.nan)
+            depth = np.where((depth > _MIN_DEPTH_M) & np.isfinite(depth), depth, np.nan)
             slope = d[:, :2] / d[:, 2:]
             by_uv = depth[:, None, None] * (
                 self.by_uv[:, :2] - slope[:, :, None] * self.by_uv[:, 2:]

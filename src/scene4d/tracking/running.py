@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from scene4d.tracking.following import Look
     from scene4d.video.frames import Source
 
-FIGURES = "figures"
-GHOST_SIGHTINGS = 3
+_FIGURES = "figures"
+_GHOST_SIGHTINGS = 3
 """What a detector sees less often is mostly nobody; annotated people are believed at once."""
 
 
@@ -125,7 +125,7 @@ def _write(
 ) -> None:
     from scene4d.tracking.following import Follower
 
-    few = 1 if options.annotations is not None else GHOST_SIGHTINGS
+    few = 1 if options.annotations is not None else _GHOST_SIGHTINGS
     follower = Follower(calibration, options.height_m(calibration), run, min_sightings=few)
     count, sketch = TrackCount(), Sketch()
     with progress.stage("Placing and following", None):
@@ -138,7 +138,7 @@ def _write(
     run.tracks = count.by_class()
     assert calibration.camera is not None
     with timed(run.timings, "draw"), progress.stage("Drawing", None):
-        picture = run.scene / FIGURES / f"{run.run}.png"
+        picture = run.scene / _FIGURES / f"{run.run}.png"
         if sketch.draw(picture, calibration.camera, Path(options.camera)):
             run.picture = picture
 

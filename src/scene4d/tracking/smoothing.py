@@ -260,7 +260,7 @@ def finished(
     )
 
 
-SIGNIFICANT = 9.21
+_SIGNIFICANT = 9.21
 """99 % quantile of chi-squared with two degrees of freedom."""
 
 
@@ -270,7 +270,7 @@ def _headings(velocity: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray,
     known = np.isfinite(velocity[:, 0])
     v, cov = velocity[known], covariance[known]
     squared = (v * np.linalg.solve(cov, v[:, :, None])[:, :, 0]).sum(axis=1)
-    clear = squared > SIGNIFICANT
+    clear = squared > _SIGNIFICANT
     known[known] = clear
     v, cov = v[clear], cov[clear]
     speed = np.hypot(v[:, 0], v[:, 1])

@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 from scene4d.core.camera import Camera
 from scene4d.tracking.vehicle_shapes import VehicleShape
 
-ITERATIONS = 7
+_ITERATIONS = 7
 _MIN_DEPTH_M = 0.1
 _HEADING, _X, _Y = 3, 4, 5
 _N = 6
@@ -202,7 +202,7 @@ class _Fit:
         state = self._start()
         damping = np.full(state.shape[1:], 1e-3)
         cost, information, gradient = self._linearise(state)
-        for _ in range(ITERATIONS):
+        for _ in range(_ITERATIONS):
             step = self._step(state, information, gradient, damping)
             trial = state + step
             new_cost, new_information, new_gradient = self._linearise(trial)

@@ -17,30 +17,30 @@ from scene4d.core.tracks import Located
 from scene4d.tracking.vehicle_fit import Bells, Boxes, Fits, fit
 from scene4d.tracking.vehicle_shapes import SHAPES
 
-BELLS = 8
+_BELLS = 8
 """Headings from which a vehicle is fitted."""
 BIAS_SHARE = 0.03
 """Error of a box's edge that all frames have in common, as a share of the box's width or height:
 the detector's habit, and how this vehicle differs from a typical outline."""
 JITTER_SHARE = 0.02
 """Error of a box's edge that is new in every frame, as the same share."""
-FLOOR_PX = 1.0
+_FLOOR_PX = 1.0
 """The least of both errors, in pixels."""
-FRAMES_PER_FACT = 10
+_FRAMES_PER_FACT = 10
 """Neighbouring frames err alike: so many tell as much as one."""
-BORDER_SHARE = 0.0025
+_BORDER_SHARE = 0.0025
 """A box that comes as near to the picture's border, as a share of its width or height, is cut."""
-LEAST_BORDER_PX = 2.0
-STANDING_WINDOWS = 5
-STANDING_SIGMAS = 2.5
+_LEAST_BORDER_PX = 2.0
+_STANDING_WINDOWS = 5
+_STANDING_SIGMAS = 2.5
 """A track moves where the median boxes of parts of it differ by more than this many jitters."""
-USELESS_HEADING_RAD = 0.8
+_USELESS_HEADING_RAD = 0.8
 """A heading with a larger standard deviation does not tell front from back: it is not used."""
-LIKELY_MISFIT = 6.0
+_LIKELY_MISFIT = 6.0
 """Boxes of vehicles in full view misfit less in 95 % of cases (χ² of two degrees of freedom). Of a
 half-hidden vehicle, or one that stands on another level, they misfit more: the covariance grows in
 proportion."""
-MOST_MISFIT = 200.0
+_MOST_MISFIT = 200.0
 """A box that misfits more is no vehicle on the ground: it has no place."""
 _MOST_SPREAD = 0.5  # of the distance: beyond, a position is not determined
 _MOST_HEADING_SIGMA = 0.7  # of an axis; no knowledge at all is π / √12 = 0.91
@@ -59,7 +59,7 @@ def locate_vehicles(
 
     ``heading_rad`` with ``heading_sigma_rad`` is what is known of the headings (of the track's
     motion, from +X to +Y); NaN where nothing is, and not used where its spread is above
-    :data:`USELESS_HEADING_RAD`. Without it a heading is an axis, since a box does
+    :data:`_USELESS_HEADING_RAD`. Without it a heading is an axis, since a box does
     not tell front from back, and NaN where the box tells nothing. ``covariance_m2`` holds the
     errors of the box, of the vehicle's dimensions and of the heading; it grows where the box fits
     no vehicle well. An edge at the picture's border is no observation, nor is the lower edge where
@@ -105,10 +105,10 @@ def stands(box_xyxy: Float[np.ndarray, "n 4"]) -> bool:
     boxes = box_xyxy[np.isfinite(box_xyxy).all(axis=1)]
     if len(boxes) < 2:
         return False
-    parts = np.array_split(boxes, min(len(boxes), STANDING_WINDOWS))
+    parts = np.array_split(boxes, min(len(boxes), _STANDING_WINDOWS))
     medians = np.array([np.median(part, axis=0) for part in parts])
     jitter = _box_noise(np.median(boxes, axis=0)[None], JITTER_SHARE)[0]
-    return bool((np.ptp(medians, axis=0) <= STANDING_SIGMAS * jitter).all())
+    return bool((np.ptp(medians, axis=0) <= _STANDING_SIGMAS * jitter).all())
 
 
 def _proper(box_xyxy: np.ndarray) -> np.ndarray:
@@ -120,7 +120,7 @@ def _proper(box_xyxy: np.ndarray) -> np.ndarray:
 
 def _box_noise(box_xyxy: np.ndarray, share: float) -> np.ndarray:
     """Standard deviation (n, 4) of the boxes' edges in pixels."""
-    return np.hypot(FLOOR_PX, share * np.tile(box_xyxy[:, 2:] - box_xyxy[:, :2], 2))
+    return np.hypot(_FLOOR_PX, share * np.tile(box_xyxy[:, 2:] - box_xyxy[:, :2], 2))
 
 
 def _median_boxes(
@@ -137,7 +137,7 @@ def _median_boxes(
             box = np.full((1, 4), np.nan)
         boxes[row] = np.median(box, axis=0)
         spread = 1.4826 * np.median(np.abs(box - boxes[row]), axis=0)
-        jitter[row] = spread / np.sqrt(1 + (len(box) - 1) / FRAMES_PER_FACT)
+        jitter[row] = spread / np.sqrt(1 + (len(box) - 1) / _FRAMES_PER_FACT)
         values, counts = np.unique(detections.class_name[mine], return_counts=True)
         names.append(str(values[counts.argmax()]))
     return tracks, boxes, jitter, np.array(names, dtype=str)
@@ -155,7 +155,7 @@ def _headings(
         raise InputError(
             f"vehicles: {n} detections, {len(heading_rad)} headings, {len(sigma_rad)} spreads"
         )
-    known = np.isfinite(heading_rad) & (sigma_rad <= USELESS_HEADING_RAD)
+    known = np.isfinite(heading_rad) & (sigma_rad <= _USELESS_HEADING_RAD)
     if (sigma_rad[known] <= 0).any():
         row = int(np.flatnonzero(known & (sigma_rad <= 0))[0])
         raise InputError(
@@ -203,7 +203,7 @@ def _locate(
 def _seen(box_xyxy: np.ndarray, image_size: tuple[int, int]) -> Bool[np.ndarray, "n 4"]:
     """Which edges do not lie at the picture's border."""
     size = np.array(image_size)
-    margin = np.maximum(LEAST_BORDER_PX, BORDER_SHARE * size)
+    margin = np.maximum(_LEAST_BORDER_PX, _BORDER_SHARE * size)
     return np.hstack([box_xyxy[:, :2] > margin, box_xyxy[:, 2:] < size - 1 - margin])
 
 
@@ -214,9 +214,9 @@ def _bells(heading_rad: np.ndarray, sigma_rad: np.ndarray) -> Bells:
     """
     known = np.isfinite(heading_rad)
     half = np.where(known, np.minimum(2.5 * sigma_rad, np.pi / 2), np.pi / 2)
-    apart = 2 * half / BELLS
+    apart = 2 * half / _BELLS
     width = 0.55 * apart
-    offset = (np.arange(BELLS) - (BELLS - 1) / 2) * apart[:, None]
+    offset = (np.arange(_BELLS) - (_BELLS - 1) / 2) * apart[:, None]
     between = np.sqrt(np.maximum(sigma_rad**2 - width**2, 1e-12))[:, None]
     log_weight = -0.5 * (offset / between) ** 2
     return Bells(np.where(known, heading_rad, 0.0)[:, None] + offset, width, log_weight)
@@ -236,9 +236,9 @@ def _moments(fits: Fits, directed: np.ndarray) -> Located:
     covariance = within + np.einsum("nm,nmi,nmj->nij", weight, off, off)
     distance = (weight * fits.range_m).sum(axis=1)
     misfit = np.take_along_axis(fits.cost, fits.log_weight.argmax(axis=1)[:, None], axis=1)[:, 0]
-    covariance *= np.maximum(1.0, misfit / LIKELY_MISFIT)[:, None, None]
+    covariance *= np.maximum(1.0, misfit / _LIKELY_MISFIT)[:, None, None]
     spread = np.sqrt(np.linalg.eigvalsh(covariance)[:, 1])
-    bad = ~possible | ~(spread < _MOST_SPREAD * distance) | (misfit > MOST_MISFIT)
+    bad = ~possible | ~(spread < _MOST_SPREAD * distance) | (misfit > _MOST_MISFIT)
     heading, sigma = _mean_heading(fits, weight, directed)
     flat = bad | ~(sigma < _MOST_HEADING_SIGMA)
     mean[bad], covariance[bad] = np.nan, np.nan

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from scene4d.store.log import DetectionLog, Logged
     from scene4d.video.frames import Frame, Source
 
-CHECK_EVERY = 10
+_CHECK_EVERY = 10
 """One in so many frames is compared with the calibrated scene."""
-Numbered = tuple[int, "Frame"]
-Moment = tuple[int, float, Detections, np.ndarray]
+_Numbered = tuple[int, "Frame"]
+_Moment = tuple[int, float, Detections, np.ndarray]
 """Number and time of a frame, what was detected in it, and what that looks like."""
 
 
@@ -48,10 +48,10 @@ def watch_into(
         total = sum(map(len, chunks[done:]))
         if done:
             monitor.resume(source, np.concatenate(chunks[:done]))
-    seen: list[Moment] = []
+    seen: list[_Moment] = []
     chunk = done
     with progress.stage("Watching people and vehicles", total) as step, until_interrupted(source):
-        frames = timed_frames(numbered_frames(source, options.rate_hz, done), run)
+        frames = _timed_frames(numbered_frames(source, options.rate_hz, done), run)
         for number, frame in frames:
             while number > chunk:
                 monitor.check(source.name)
@@ -78,7 +78,7 @@ def until_interrupted(source: "Source") -> Iterator[None]:
             raise
 
 
-def timed_frames(frames: Iterator[Numbered], run: TrackRun) -> Iterator[Numbered]:
+def _timed_frames(frames: Iterator[_Numbered], run: TrackRun) -> Iterator[_Numbered]:
     """The frames, with the time that it took to have them."""
     while True:
         with timed(run.timings, "decode"):
@@ -88,7 +88,7 @@ def timed_frames(frames: Iterator[Numbered], run: TrackRun) -> Iterator[Numbered
         yield frame
 
 
-def _logged(seen: list[Moment], image_size: tuple[int, int]) -> "Logged":
+def _logged(seen: list[_Moment], image_size: tuple[int, int]) -> "Logged":
     """A chunk of what was seen; nobody where a stream gave no frame for so long."""
     from scene4d.store.log import Logged
 
@@ -121,13 +121,13 @@ class ViewMonitor:
 
     def add(self, image_bgr: np.ndarray, time_s: float) -> None:
         """Compare some of the frames."""
-        if self._seen % CHECK_EVERY == 0:
+        if self._seen % _CHECK_EVERY == 0:
             self._compare(image_bgr, time_s)
         self._seen += 1
 
     def resume(self, source: "Source", indices: Int[np.ndarray, "n"]) -> None:
         """Compare again what an earlier run compared, so that it is judged alike."""
-        for frame in source.frames(indices[::CHECK_EVERY].tolist()):
+        for frame in source.frames(indices[::_CHECK_EVERY].tolist()):
             self._compare(frame.image_bgr, frame.time_s)
         self._seen = len(indices)
 

@@ -5,7 +5,7 @@ from jaxtyping import UInt8
 
 from scene4d.video.frames import Frame
 
-MAX_FRAMES = 21
+_MAX_FRAMES = 21
 MAX_BYTES = 200e6
 """Memory that the kept frames may take; fewer are kept of larger ones."""
 
@@ -15,7 +15,7 @@ class Background:
 
     def __init__(self, image_size: tuple[int, int], expected_frames: int | None) -> None:
         width, height = image_size
-        room = max(3, min(MAX_FRAMES, int(MAX_BYTES / (width * height * 3))))
+        room = max(3, min(_MAX_FRAMES, int(MAX_BYTES / (width * height * 3))))
         self._step = max(1, -(-(expected_frames or room) // room))
         self._room = room
         self._seen = 0

@@ -9,7 +9,7 @@ from jaxtyping import UInt8
 
 from scene4d.core.errors import InputError
 
-NOT_FOOTAGE = frozenset({"tty", "concat"})
+_NOT_FOOTAGE = frozenset({"tty", "concat"})
 """FFmpeg "decodes" any text file as terminal output; concat lists open other files."""
 
 
@@ -20,7 +20,7 @@ def video_stream(container: Any, name: str) -> Any:
         for s in container.streams.video
         if not s.disposition & av.stream.Disposition.attached_pic  # the cover of a sound file
     ]
-    if not streams or container.format.name in NOT_FOOTAGE:
+    if not streams or container.format.name in _NOT_FOOTAGE:
         raise InputError(
             f"{name}: holds no video; expected a video, an image, or a folder of images"
         )

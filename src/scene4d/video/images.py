@@ -23,7 +23,7 @@ def natural_key(path: Path) -> tuple[list[tuple[int, int, str]], str]:
     return [(0, int(p), "") if p.isdecimal() else (1, 0, p) for p in parts], path.name
 
 
-def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
+def _read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
     """An image as 8-bit BGR: grey is repeated, alpha dropped, 16 bits divided by 256.
 
     EXIF orientation is applied. Raises :class:`InputError` for a file that is no whole image.
@@ -71,7 +71,7 @@ class ImageSource(Source):
 
     def _read(self, index: int) -> np.ndarray | None:
         try:
-            return read_image(self._paths[index])
+            return _read_image(self._paths[index])
         except InputError as error:
             self._unreadable[index] = str(error)
             return None

@@ -13,35 +13,35 @@ import cv2
 import numpy as np
 from jaxtyping import Float32, UInt8
 
-WORK_WIDTH = 480
+_WORK_WIDTH = 480
 """Frames are compared at this width: a shift of one part in a thousand is still half a pixel."""
 CELLS = (8, 5)
-CORNERS_PER_CELL = 6
-MIN_CORNERS = 24
+_CORNERS_PER_CELL = 6
+_MIN_CORNERS = 24
 """A background with fewer corners than this says nothing."""
-MIN_SHIFT = 0.006
+_MIN_SHIFT = 0.006
 """Movement, as a share of the width, from which a frame counts as moved (root mean square)."""
-MIN_SHARE = 0.2
+_MIN_SHARE = 0.2
 """Share of the frames that must have moved; less is a passing truck or a hand on the lens."""
-STILL_PX = 1.0
-STILL_SHARE = 0.25
-STILL_CELLS = 5
+_STILL_PX = 1.0
+_STILL_SHARE = 0.25
+_STILL_CELLS = 5
 """So many corners, over so many cells, that did not move show a camera at rest."""
-MIN_LIKENESS = 0.7
+_MIN_LIKENESS = 0.7
 """Correlation of a corner's surroundings with what was found."""
-STILL_CORRELATION = 0.12
+_STILL_CORRELATION = 0.12
 """Correlation of whole frames above which the view is the same (unlike views: below 0.05)."""
-PATCH_PX = 13
-EVEN_PX = 31
-NOISE_GREY = 6.0
+_PATCH_PX = 13
+_EVEN_PX = 31
+_NOISE_GREY = 6.0
 """Contrast, in grey levels, that is not amplified: sensor noise must not become structure."""
-MIN_STRENGTH = 0.004
+_MIN_STRENGTH = 0.004
 """Smaller eigenvalue of the gradient (OpenCV's scale) from which a point counts as a corner."""
-MIN_AGREEING = 12
-AGREEING_SHARE = 0.15
+_MIN_AGREEING = 12
+_AGREEING_SHARE = 0.15
 """So many matches, and this share of all corners, must agree on a movement."""
-WINDOW_PX = (21, 21)
-PYRAMID_LEVELS = 4
+_WINDOW_PX = (21, 21)
+_PYRAMID_LEVELS = 4
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class MotionMonitor:
 
     def __init__(self, image_size: tuple[int, int]) -> None:
         width, height = image_size
-        self._scale = min(1.0, WORK_WIDTH / width)
+        self._scale = min(1.0, _WORK_WIDTH / width)
         self._size = (max(16, round(width * self._scale)), max(16, round(height * self._scale)))
         self._reference: np.ndarray | None = None
         self._corners = np.empty((0, 2), np.float32)
@@ -83,14 +83,14 @@ class MotionMonitor:
         even = _even(cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA))
         if self._reference is None:
             corners = _corners(even)
-            if len(corners) >= MIN_CORNERS:
+            if len(corners) >= _MIN_CORNERS:
                 self._reference, self._corners = even, corners
             return
         shift = self._shift(even)
         if shift is None:
             return
         self._checked += 1
-        if not shift < MIN_SHIFT * self._size[0]:
+        if not shift < _MIN_SHIFT * self._size[0]:
             self._shifts_px.append(shift / self._scale)
             if self._first_moved_s is None or time_s < self._first_moved_s:
                 self._first_moved_s = time_s
@@ -98,7 +98,7 @@ class MotionMonitor:
     def verdict(self) -> MotionVerdict:
         """What the frames so far say."""
         moved_frames = len(self._shifts_px)
-        moved = moved_frames > 0 and moved_frames >= MIN_SHARE * self._checked
+        moved = moved_frames > 0 and moved_frames >= _MIN_SHARE * self._checked
         known = [s for s in self._shifts_px if np.isfinite(s)]
         largest = max(known) if known else (float("nan") if moved_frames else 0.0)
         return MotionVerdict(
@@ -134,39 +134,39 @@ class MotionMonitor:
         transform = _similarity(here, there, len(self._corners))
         if transform is not None:
             return _rms_shift(transform, self._size)
-        if len(_corners(even)) < MIN_CORNERS:
+        if len(_corners(even)) < _MIN_CORNERS:
             return None
-        alike = _correlation(self._reference, even) > STILL_CORRELATION
+        alike = _correlation(self._reference, even) > _STILL_CORRELATION
         return 0.0 if alike else float("nan")
 
     def _is_at_rest(self, here: np.ndarray, there: np.ndarray) -> bool:
-        still = here[np.linalg.norm(there - here, axis=1) < STILL_PX]
+        still = here[np.linalg.norm(there - here, axis=1) < _STILL_PX]
         cells = {tuple(c) for c in (still * CELLS // self._size).astype(int).tolist()}
-        return len(still) >= STILL_SHARE * len(self._corners) and len(cells) >= STILL_CELLS
+        return len(still) >= _STILL_SHARE * len(self._corners) and len(cells) >= _STILL_CELLS
 
 
 def _even(grey: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
     """Local mean and contrast taken out, so that a change of light leaves the picture as it was."""
     values = cv2.GaussianBlur(grey, (0, 0), 1).astype(np.float32)
-    values -= cv2.blur(values, (EVEN_PX, EVEN_PX))
+    values -= cv2.blur(values, (_EVEN_PX, _EVEN_PX))
     # The running sums of a box filter may leave a variance just below zero.
-    contrast = np.sqrt(np.maximum(cv2.blur(values * values, (EVEN_PX, EVEN_PX)), 0))
-    scaled = values * (40 / (contrast + NOISE_GREY))
+    contrast = np.sqrt(np.maximum(cv2.blur(values * values, (_EVEN_PX, _EVEN_PX)), 0))
+    scaled = values * (40 / (contrast + _NOISE_GREY))
     return np.clip(scaled + 128, 0, 255).astype(np.uint8)
 
 
 def _corners(even: UInt8[np.ndarray, "h w"]) -> Float32[np.ndarray, "n 2"]:
     """Corners (u, v), not more than a few in each cell of the picture."""
     strength = cv2.cornerMinEigenVal(even, 5)
-    peaks = (strength == cv2.dilate(strength, np.ones((9, 9)))) & (strength > MIN_STRENGTH)
+    peaks = (strength == cv2.dilate(strength, np.ones((9, 9)))) & (strength > _MIN_STRENGTH)
     v, u = np.nonzero(peaks)
     height, width = even.shape
-    inside = (u > PATCH_PX) & (v > PATCH_PX) & (u < width - PATCH_PX) & (v < height - PATCH_PX)
+    inside = (u > _PATCH_PX) & (v > _PATCH_PX) & (u < width - _PATCH_PX) & (v < height - _PATCH_PX)
     u, v = u[inside], v[inside]
     strongest = np.argsort(-strength[v, u], kind="stable")
     u, v = u[strongest], v[strongest]
     cell = u * CELLS[0] // width * CELLS[1] + v * CELLS[1] // height
-    kept = [np.flatnonzero(cell == c)[:CORNERS_PER_CELL] for c in range(CELLS[0] * CELLS[1])]
+    kept = [np.flatnonzero(cell == c)[:_CORNERS_PER_CELL] for c in range(CELLS[0] * CELLS[1])]
     chosen = np.concatenate(kept)
     return np.column_stack([u[chosen], v[chosen]]).astype(np.float32)
 
@@ -178,26 +178,26 @@ def _follow(
     there, found = _flow(reference, even, corners)
     back, found_back = _flow(even, reference, there)
     sure = found & found_back
-    sure &= np.linalg.norm(back - corners, axis=1) < STILL_PX
+    sure &= np.linalg.norm(back - corners, axis=1) < _STILL_PX
     here, there = corners[sure], there[sure]
     if not len(here):
         return here, there
     a, b = _patches(reference, here), _patches(even, there)
     likeness = (a * b).sum(1) / np.sqrt((a * a).sum(1) * (b * b).sum(1) + 1e-6)
-    alike = likeness > MIN_LIKENESS
+    alike = likeness > _MIN_LIKENESS
     return here[alike], there[alike]
 
 
 def _flow(a: np.ndarray, b: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     there, found, _ = cv2.calcOpticalFlowPyrLK(
-        a, b, uv, np.empty_like(uv), winSize=WINDOW_PX, maxLevel=PYRAMID_LEVELS
+        a, b, uv, np.empty_like(uv), winSize=_WINDOW_PX, maxLevel=_PYRAMID_LEVELS
     )
     return there, found[:, 0] > 0
 
 
 def _patches(image: np.ndarray, uv: np.ndarray) -> Float32[np.ndarray, "m p"]:
     """Zero-mean surroundings of each point, one row each."""
-    offsets = np.arange(PATCH_PX, dtype=np.float32) - PATCH_PX // 2
+    offsets = np.arange(_PATCH_PX, dtype=np.float32) - _PATCH_PX // 2
     du, dv = np.meshgrid(offsets, offsets)
     values = cv2.remap(
         image, uv[:, :1] + du.reshape(1, -1), uv[:, 1:] + dv.reshape(1, -1), cv2.INTER_LINEAR
@@ -207,13 +207,13 @@ def _patches(image: np.ndarray, uv: np.ndarray) -> Float32[np.ndarray, "m p"]:
 
 def _similarity(here: np.ndarray, there: np.ndarray, corners: int) -> np.ndarray | None:
     """The (2, 3) similarity that most matches share, None where too few agree."""
-    if len(here) < MIN_AGREEING:
+    if len(here) < _MIN_AGREEING:
         return None
     transform, agree = cv2.estimateAffinePartial2D(here, there, ransacReprojThreshold=2.0)
     if transform is None:
         return None
     agreeing = int(agree.sum())
-    enough = agreeing >= max(MIN_AGREEING, AGREEING_SHARE * corners, 0.5 * len(here))
+    enough = agreeing >= max(_MIN_AGREEING, _AGREEING_SHARE * corners, 0.5 * len(here))
     return transform if enough else None
 
 

@@ -11,7 +11,9 @@ from scene4d.video.images import IMAGE_SUFFIXES, ImageSource, natural_key
 
 __all__ = ["Frame", "Source", "Timeline", "open_source"]
 
-STREAM_SCHEMES = frozenset({"rtsp", "rtsps", "rtmp", "rtmps", "http", "https", "udp", "srt", "rtp"})
+_STREAM_SCHEMES = frozenset(
+    {"rtsp", "rtsps", "rtmp", "rtmps", "http", "https", "udp", "srt", "rtp"}
+)
 
 
 def open_source(source: str | os.PathLike[str]) -> Source:
@@ -38,10 +40,10 @@ def open_source(source: str | os.PathLike[str]) -> Source:
 
 
 def _open_stream(url: str, scheme: str) -> Source:
-    if scheme not in STREAM_SCHEMES:
+    if scheme not in _STREAM_SCHEMES:
         raise InputError(
             f"{scheme}:// is no kind of stream that is read; expected one of "
-            f"{', '.join(sorted(STREAM_SCHEMES))}, or a file without a scheme"
+            f"{', '.join(sorted(_STREAM_SCHEMES))}, or a file without a scheme"
         )
     from scene4d.video.stream import StreamSource
 

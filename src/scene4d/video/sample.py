@@ -23,13 +23,13 @@ from typing import BinaryIO
 from scene4d.core.errors import UnavailableError
 from scene4d.core.files import write_bytes
 
-FILE_NAME = "vtest.avi"
+_FILE_NAME = "vtest.avi"
 SHA256 = "45cddc9490be69345cbdab64ca583be65987e864ca408038e648db99e10516cf"
-DEBIAN_PACKAGE = "opencv-doc"
-OPENCV_URL = "https://github.com/opencv/opencv/raw/4.10.0/samples/data/vtest.avi"
+_DEBIAN_PACKAGE = "opencv-doc"
+_OPENCV_URL = "https://github.com/opencv/opencv/raw/4.10.0/samples/data/vtest.avi"
 TIMEOUT_S = 30.0
-APT_TIMEOUT_S = 600.0
-MAX_BYTES = 64 << 20
+_APT_TIMEOUT_S = 600.0
+_MAX_BYTES = 64 << 20
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def sample_video(
     line what is tried. Raises :class:`UnavailableError` with each source's failure, the hash and
     where to put the file by hand, and ``OutputError`` for a cache that cannot be written.
     """
-    target = Path(cache_dir) / FILE_NAME
+    target = Path(cache_dir) / _FILE_NAME
     failures = []
     problem = _cached_problem(target)
     if problem is None:
@@ -87,7 +87,7 @@ def sample_video(
             return target
         failures.append(f"{source.name}: the file has SHA-256 {found}, which is another file")
     raise UnavailableError(
-        f"the sample video {FILE_NAME} cannot be had. "
+        f"the sample video {_FILE_NAME} cannot be had. "
         + "; ".join(failures)
         + f". Put a copy with SHA-256 {SHA256} at {target}"
     )
@@ -129,14 +129,14 @@ def from_debian() -> bytes:
     with tempfile.TemporaryDirectory(prefix="scene4d-sample-") as name:
         folder = Path(name)
         try:
-            _run(["apt-get", "download", DEBIAN_PACKAGE], folder)
+            _run(["apt-get", "download", _DEBIAN_PACKAGE], folder)
         except subprocess.SubprocessError:
             options = _private_apt(folder)
             _run(["apt-get", *options, "update"], folder)
-            _run(["apt-get", *options, "download", DEBIAN_PACKAGE], folder)
-        packages = sorted(folder.glob(f"{DEBIAN_PACKAGE}_*.deb"))
+            _run(["apt-get", *options, "download", _DEBIAN_PACKAGE], folder)
+        packages = sorted(folder.glob(f"{_DEBIAN_PACKAGE}_*.deb"))
         if not packages:
-            raise LookupError(f"apt-get downloaded no {DEBIAN_PACKAGE} package")
+            raise LookupError(f"apt-get downloaded no {_DEBIAN_PACKAGE} package")
         return video_from_deb(packages[0])
 
 
@@ -160,7 +160,7 @@ def _run(command: list[str], folder: Path) -> None:
         capture_output=True,
         text=True,
         stdin=subprocess.DEVNULL,
-        timeout=APT_TIMEOUT_S,
+        timeout=_APT_TIMEOUT_S,
     )
 
 
@@ -197,21 +197,21 @@ def _go_to_data(file: BinaryIO) -> str:
 def _video_from_tar(archive: tarfile.TarFile) -> bytes:
     for member in archive:
         name = Path(member.name).name
-        if name in (FILE_NAME, f"{FILE_NAME}.gz") and member.isfile():
+        if name in (_FILE_NAME, f"{_FILE_NAME}.gz") and member.isfile():
             file = archive.extractfile(member)
             assert file is not None
-            content = file.read(MAX_BYTES)
+            content = file.read(_MAX_BYTES)
             return gzip.decompress(content) if name.endswith(".gz") else content
-    raise LookupError(f"the package holds no {FILE_NAME}")
+    raise LookupError(f"the package holds no {_FILE_NAME}")
 
 
 def from_opencv() -> bytes:
     """The video from OpenCV's repository."""
-    with urllib.request.urlopen(OPENCV_URL, timeout=TIMEOUT_S) as answer:
-        return bytes(answer.read(MAX_BYTES))
+    with urllib.request.urlopen(_OPENCV_URL, timeout=TIMEOUT_S) as answer:
+        return bytes(answer.read(_MAX_BYTES))
 
 
 SOURCES = (
-    SampleSource(f"Debian package {DEBIAN_PACKAGE}", from_debian),
+    SampleSource(f"Debian package {_DEBIAN_PACKAGE}", from_debian),
     SampleSource("OpenCV's repository", from_opencv),
 )

@@ -9,11 +9,11 @@ from jaxtyping import Float, Int
 from scene4d.core.errors import InputError
 from scene4d.video.frames import Frame, Source, Timeline
 
-DEFAULT_FRAMES = (100, 200)
+_DEFAULT_FRAMES = (100, 200)
 """Without a wish: one frame a second, but not fewer and not more than these."""
 STRAIGHT_PIXELS = 1.5e9
 """Up to this much footage (frames times pixels) is decoded whole: a few seconds on two cores."""
-APART_S = 1.0
+_APART_S = 1.0
 """People a second apart are in another pose and place; nearer frames tell little new."""
 
 
@@ -41,7 +41,7 @@ def sample_frames(
 def expected_count(source: Source, n: int | None = None) -> int:
     """How many frames :func:`sample_frames` will give; a stream may end before."""
     if source.timeline is None:
-        return DEFAULT_FRAMES[0] if n is None else n
+        return _DEFAULT_FRAMES[0] if n is None else n
     everything = np.arange(len(source.timeline))
     wanted = _default_count(source.timeline, everything) if n is None else n
     return min(wanted, len(everything))
@@ -65,7 +65,7 @@ def choose_frames(
         return inside[spread(times, n)]
     step = len(inside) // n
     if timeline.has_clock and timeline.frame_s > 0:
-        step = max(1, min(step, round(APART_S / timeline.frame_s)))
+        step = max(1, min(step, round(_APART_S / timeline.frame_s)))
     behind = inside - timeline.key_before[inside]
     rounds = np.where(behind % step == 0, behind // step, len(timeline))
     furthest = np.partition(rounds, n - 1)[n - 1]
@@ -90,7 +90,7 @@ def spread(time_s: Float[np.ndarray, "m"], n: int) -> Int[np.ndarray, "n"]:
 
 
 def _default_count(timeline: Timeline, inside: np.ndarray) -> int:
-    fewest, most = DEFAULT_FRAMES
+    fewest, most = _DEFAULT_FRAMES
     if not timeline.has_clock:
         return most
     span_s = timeline.time_s[inside[-1]] - timeline.time_s[inside[0]]
@@ -118,9 +118,9 @@ def _inside(source: Source, timeline: Timeline, start_s: float, end_s: float | N
 def _from_stream(
     source: Source, n: int | None, start_s: float, end_s: float | None
 ) -> Iterator[Frame]:
-    n = DEFAULT_FRAMES[0] if n is None else n
+    n = _DEFAULT_FRAMES[0] if n is None else n
     rate = source.fps or 25.0
-    first, step = math.ceil(start_s * rate), max(1, round(APART_S * rate))
+    first, step = math.ceil(start_s * rate), max(1, round(_APART_S * rate))
     for frame in source.frames(range(first, first + n * step, step)):
         if end_s is not None and frame.time_s >= end_s:
             return

@@ -10,7 +10,7 @@ from scene4d.core.errors import InputError, UnavailableError
 from scene4d.video.decoding import decode, packets, pixel_notes, upright_bgr, video_stream
 from scene4d.video.frames import Frame, Source
 
-STREAM_TIMEOUT_S = 15.0
+_STREAM_TIMEOUT_S = 15.0
 
 
 def without_password(url: str) -> str:
@@ -34,7 +34,7 @@ class StreamSource(Source):
         # UDP loses packets of large frames, and damaged frames look like moving things.
         options = {"rtsp_transport": "tcp"} if url.startswith("rtsp") else {}
         try:
-            self._container = av.open(url, options=options, timeout=STREAM_TIMEOUT_S)
+            self._container = av.open(url, options=options, timeout=_STREAM_TIMEOUT_S)
         except (av.error.FFmpegError, OSError) as error:
             raise UnavailableError(
                 f"{self.name}: the stream cannot be opened "

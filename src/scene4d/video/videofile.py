@@ -13,14 +13,14 @@ from scene4d.video.decoding import decode, packets, pixel_notes, upright_bgr, vi
 from scene4d.video.frames import Frame, Source, Timeline
 from scene4d.video.timeline import read_packet_table
 
-SEEK_GAIN_FRAMES = 12
+_SEEK_GAIN_FRAMES = 12
 """A seek costs about as much as decoding this many frames, so a shorter gap is decoded."""
-FRAME_THREADS_FROM = 64
+_FRAME_THREADS_FROM = 64
 """Threads that work on several frames at once start anew after each seek; short runs lose."""
-INEXACT_AFTER_SEEK = frozenset({"mpeg"})
+_INEXACT_AFTER_SEEK = frozenset({"mpeg"})
 """MPEG-PS stamps only some frames, so that after a seek the times of the others are guesses."""
-SEEK_AHEAD_S = (0.0, 1.0, 5.0, 30.0, 1e6)
-FALLBACK_RATE = 25.0
+_SEEK_AHEAD_S = (0.0, 1.0, 5.0, 30.0, 1e6)
+_FALLBACK_RATE = 25.0
 
 
 class VideoSource(Source):
@@ -48,7 +48,7 @@ class VideoSource(Source):
                 raise InputError(f"{self.name}: holds no frames; record or copy it again")
             self._pts = table.pts
             self._can_seek = table.pts is not None and (
-                container.format.name not in INEXACT_AFTER_SEEK
+                container.format.name not in _INEXACT_AFTER_SEEK
             )
             self._set_clock(stream, table.is_key)
             self._note_missing_end(container, stream, table.packets)
@@ -66,7 +66,7 @@ class VideoSource(Source):
             ) from error
 
     def _set_clock(self, stream: Any, is_key: np.ndarray) -> None:
-        rate = float(stream.guessed_rate or stream.average_rate or FALLBACK_RATE)
+        rate = float(stream.guessed_rate or stream.average_rate or _FALLBACK_RATE)
         if self._pts is None:
             times = np.arange(len(is_key)) / rate
             self._notes.append(
@@ -117,7 +117,7 @@ class VideoSource(Source):
         with self._open() as container:
             stream = video_stream(container, self.name)
             runs = list(self._runs(wanted))
-            if self._mean_length(runs) < FRAME_THREADS_FROM:
+            if self._mean_length(runs) < _FRAME_THREADS_FROM:
                 stream.thread_type = "SLICE"
             for run in runs:
                 self._asked.update(run)
@@ -135,7 +135,7 @@ class VideoSource(Source):
         key_before = self.timeline.key_before
         run: list[int] = []
         for i in wanted:
-            if run and self._can_seek and key_before[i] - run[-1] > SEEK_GAIN_FRAMES:
+            if run and self._can_seek and key_before[i] - run[-1] > _SEEK_GAIN_FRAMES:
                 yield run
                 run = []
             run.append(i)
@@ -173,7 +173,7 @@ class VideoSource(Source):
         key = int(self.timeline.key_before[run[0]])
         unfed = {int(self._pts[i]) for i in run}
         # The first run of a file that was just opened needs no seek if it begins at the front.
-        seek = self._can_seek and key > SEEK_GAIN_FRAMES
+        seek = self._can_seek and key > _SEEK_GAIN_FRAMES
         from_key = self._from_key if seek else self._from_here
         for packet in from_key(container, stream, int(self._pts[key])):
             stream.codec_context.skip_frame = "DEFAULT" if packet.pts in unfed else "NONREF"
@@ -188,7 +188,7 @@ class VideoSource(Source):
 
         MP4, MKV and AVI land on the key frame; MPEG-TS and PS search by guesses.
         """
-        for ahead_s in SEEK_AHEAD_S:
+        for ahead_s in _SEEK_AHEAD_S:
             target = key_pts - round(ahead_s / float(stream.time_base))
             try:
                 container.seek(target, stream=stream, backward=True)

@@ -16,8 +16,8 @@ from scene4d.drawing.ground import thinned
 from scene4d.drawing.overlay import people_of
 from scene4d.drawing.scenery import before_fold
 
-LEVELS_M = (0.25, 0.5, 1.0, 2.0, 5.0)
-OPACITY = 0.5
+_LEVELS_M = (0.25, 0.5, 1.0, 2.0, 5.0)
+_OPACITY = 0.5
 _CAP_M = 1e6
 
 
@@ -63,21 +63,21 @@ def _bands(
     sigma: Float[np.ndarray, "h w"],
 ) -> list[Patch | Line2D]:
     # Indices of bands instead of contours fill right up to the horizon, where the error explodes.
-    index = np.where(np.isnan(sigma), np.nan, np.digitize(sigma, LEVELS_M))
+    index = np.where(np.isnan(sigma), np.nan, np.digitize(sigma, _LEVELS_M))
     mesh = axes.pcolormesh(
         u,
         v,
         np.ma.masked_invalid(index),
         cmap=ListedColormap(style.BANDS),
         vmin=-0.5,
-        vmax=len(LEVELS_M) + 0.5,
+        vmax=len(_LEVELS_M) + 0.5,
         shading="nearest",
-        alpha=OPACITY,
+        alpha=_OPACITY,
         rasterized=True,
     )
     mesh.set_edgecolor("none")
     finite = sigma[np.isfinite(sigma)]
-    inside = [x for x in LEVELS_M if len(finite) and finite.min() < x < finite.max()]
+    inside = [x for x in _LEVELS_M if len(finite) and finite.min() < x < finite.max()]
     if inside:
         masked = np.ma.masked_invalid(sigma)
         lines = axes.contour(u, v, masked, levels=inside, colors=style.INK, linewidths=1.1)
@@ -87,14 +87,14 @@ def _bands(
     names = ["below 0.25 m", "0.25 to 0.5 m", "0.5 to 1 m", "1 to 2 m", "2 to 5 m", "above 5 m"]
     present = set(index[np.isfinite(index)].astype(int))
     return [
-        Patch(fc=over_grey(colour), ec=style.FAINT, lw=0.5, label=name)
+        Patch(fc=_over_grey(colour), ec=style.FAINT, lw=0.5, label=name)
         for k, (colour, name) in enumerate(zip(style.BANDS, names, strict=True))
         if k in present
     ]
 
 
-def over_grey(colour: str) -> tuple[float, float, float]:
+def _over_grey(colour: str) -> tuple[float, float, float]:
     """How a band's colour looks on the grey picture, for the legend."""
     red, green, blue = to_rgb(colour)
-    rest = 0.6 * (1 - OPACITY)
-    return red * OPACITY + rest, green * OPACITY + rest, blue * OPACITY + rest
+    rest = 0.6 * (1 - _OPACITY)
+    return red * _OPACITY + rest, green * _OPACITY + rest, blue * _OPACITY + rest

@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float
 
 from scene4d.core.errors import InputError
 
-OUT_OF_PROPORTION = 0.2
+_OUT_OF_PROPORTION = 0.2
 """How far a camera's two ground axes may be from orthogonal (cosine) and equally long (share)."""
 _STRAIGHT_DOWN = 1e-4  # squared sine of half a degree: nearer to the nadir no map tells f
 
@@ -31,7 +31,7 @@ def pose_from_homography(
     point. The first two columns of ``K⁻¹ H`` are orthogonal and equally long (Zhang 2000, equations
     3 and 4): two linear equations for 1/f², solved by least squares. Raises :class:`InputError`
     where the camera looks straight down (within half a degree), which leaves f open, and where no
-    f fulfils both within :data:`OUT_OF_PROPORTION`. One equation is to spare, so a map that is
+    f fulfils both within :data:`_OUT_OF_PROPORTION`. One equation is to spare, so a map that is
     stretched along or across the view may still be that of another camera.
     """
     shift = np.array([[1.0, 0, -centre_uv[0]], [0, 1, -centre_uv[1]], [0, 0, 1]])
@@ -49,7 +49,7 @@ def pose_from_homography(
     rays = H / np.array([[focal], [focal], [1.0]])
     length = np.linalg.norm(rays[:, :2], axis=0)
     rays = rays / np.sqrt(length[0] * length[1])
-    if max(abs(rays[:, 0] @ rays[:, 1]), abs(np.log(length[0] / length[1]))) > OUT_OF_PROPORTION:
+    if max(abs(rays[:, 0] @ rays[:, 1]), abs(np.log(length[0] / length[1]))) > _OUT_OF_PROPORTION:
         raise InputError(
             "no camera with square pixels and this principal point sees the ground through this "
             "homography: is it in metres, and for images of this size?"

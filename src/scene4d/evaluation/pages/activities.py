@@ -8,7 +8,7 @@ from scene4d.drawing.page import Shown, data_uri, rendered, seconds_text
 from scene4d.drawing.words import number
 from scene4d.evaluation.activity_evaluation import FALSE_PER_MINUTE, ActivityEvaluation
 
-NONE = "–"
+_NONE = "–"
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ def _cells(evaluation: ActivityEvaluation, groups: list[list[float | None]]) -> 
         known = [value for value in values if value is not None]
         best = (max(known) if k == 0 else min(known)) if len(set(known)) > 1 else None
         for method, value in zip(evaluation.methods, values, strict=True):
-            text = NONE if value is None else number(value, 2)
+            text = _NONE if value is None else number(value, 2)
             cells.append(
                 Cell(f"{measure}, {method.name}", text, value is not None and value == best)
             )

@@ -11,7 +11,7 @@ from scene4d.evaluation.activity_scores import DetCurve
 from scene4d.evaluation.pages import look
 
 # Okabe and Ito (2008); the lines differ as well, the first one is ours.
-LOOKS = (
+_LOOKS = (
     ("#0072B2", "solid", 2.2),
     ("#D55E00", (0, (4, 1.6)), 1.5),
     ("#4D4D4D", (0, (1, 1.4)), 1.6),
@@ -44,7 +44,7 @@ def draw_det(evaluation: ActivityEvaluation) -> bytes:
         axes.tick_params(labelleft=column == 0, labelbottom=lowest)
     handles = [
         Line2D([], [], color=colour, ls=dashes, lw=width, label=method.name)
-        for method, (colour, dashes, width) in zip(evaluation.methods, LOOKS, strict=False)
+        for method, (colour, dashes, width) in zip(evaluation.methods, _LOOKS, strict=False)
     ]
     style.legend_below(fig, handles, 0.3, columns=len(handles), size=look.TEXT)
     return style.png(fig)
@@ -53,7 +53,7 @@ def draw_det(evaluation: ActivityEvaluation) -> bytes:
 def _panel(axes: Axes, evaluation: ActivityEvaluation, activity: str) -> None:
     for rate in FALSE_PER_MINUTE:
         axes.axvline(rate, color=style.FAINT, lw=0.8, ls=(0, (3, 3)), zorder=1)
-    drawn = list(zip(evaluation.methods, LOOKS, strict=False))
+    drawn = list(zip(evaluation.methods, _LOOKS, strict=False))
     for method, (colour, dashes, width) in reversed(drawn):
         curve = evaluation.of(method.name, activity).det
         if curve is not None:

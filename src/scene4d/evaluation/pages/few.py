@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from scene4d.drawing.words import number
 from scene4d.evaluation import FewPeople
 
-NONE = "–"
+_NONE = "–"
 _COLUMNS = (
     "people", "draws", "refused without", "median without", "refused with", "median with",
     "both gave one", "median without", "median with", "closer with",
@@ -39,13 +39,13 @@ def few_line(row: FewPeople) -> FewLine:
         str(row.both),
         _metres(both["nothing_median_m"]),
         _metres(both["network_median_m"]),
-        f"{row.closer} of {row.both}" if row.both else NONE,
+        f"{row.closer} of {row.both}" if row.both else _NONE,
     )
     return FewLine(row.footage, list(zip(_COLUMNS, texts, strict=True)))
 
 
 def _metres(value: float | None) -> str:
-    return NONE if value is None else number(value, 2)
+    return _NONE if value is None else number(value, 2)
 
 
 def _refused(refused: int, failed: int) -> str:

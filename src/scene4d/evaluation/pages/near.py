@@ -16,7 +16,7 @@ from scene4d.evaluation.pages.headline import Headline
 from scene4d.searching.predicates import NEAR_SIGMA_M, NEAR_TAU_M, near_probability
 
 BIN_M, MIN_PAIRS = 0.1, 20
-REACH_M = 2.25
+_REACH_M = 2.25
 """The curve is drawn from 0 to so many times τ."""
 
 
@@ -42,7 +42,7 @@ def near_share(pairs: NearPairs) -> Share:
     """How often pairs at an estimated distance are truly near, in bins of :data:`BIN_M` that hold
     at least :data:`MIN_PAIRS`.
     """
-    inside = pairs.estimated_m < REACH_M * pairs.tau_m
+    inside = pairs.estimated_m < _REACH_M * pairs.tau_m
     distance, near = pairs.estimated_m[inside], pairs.positive[inside]
     index = (distance / BIN_M).astype(int)
     count = np.bincount(index)
@@ -58,7 +58,7 @@ def draw_near(shown: tuple[Headline, ...]) -> bytes:
     tau = with_pairs[0][1].tau_m if with_pairs else NEAR_TAU_M
     fig = style.figure(look.WIDTH_IN, 4.3)
     axes = fig.add_axes((0.1, 0.3, 0.88, 0.67))
-    d = np.linspace(0, REACH_M * tau, 400)
+    d = np.linspace(0, _REACH_M * tau, 400)
     axes.plot(d, near_probability(d, tau_m=tau), color=style.INK, lw=2.2)
     axes.plot([0, tau, tau, d[-1]], [1, 1, 0, 0], color=style.FAINT, lw=1.2, ls=(0, (4, 3)))
     handles = [
@@ -74,7 +74,7 @@ def draw_near(shown: tuple[Headline, ...]) -> bytes:
             "mew": 0.5,
         }
         axes.plot(found.distance_m, found.share, color=s.colour, lw=1.5, zorder=4)
-        turn = turning(found.share)
+        turn = _turning(found.share)
         axes.plot(
             found.distance_m[turn], found.share[turn], ls="", ms=6.5, clip_on=False, zorder=5,
             **look_of,
@@ -89,7 +89,7 @@ def draw_near(shown: tuple[Headline, ...]) -> bytes:
     return style.png(fig)
 
 
-def turning(share: Float[np.ndarray, "k"]) -> Bool[np.ndarray, "k"]:
+def _turning(share: Float[np.ndarray, "k"]) -> Bool[np.ndarray, "k"]:
     """Where the share leaves 1 or 0, with a neighbour on both sides: only there marks say more."""
     between = (share > 0) & (share < 1)
     wide = between.copy()

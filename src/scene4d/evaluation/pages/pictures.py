@@ -25,7 +25,7 @@ def draw_points(evaluation: Evaluation) -> bytes:
     reference = evaluation.reference
     image = style.checked_image(evaluation.image_bgr, reference.image_size)
     fig, axes, strip = style.picture(image, reference.image_size)
-    handles = numbered(axes, reference.points_uv)
+    handles = _numbered(axes, reference.points_uv)
     style.legend_below(fig, handles, strip, columns=3, size=_LEGEND_PT)
     return style.png(fig)
 
@@ -88,12 +88,12 @@ def draw_ground(evaluation: Evaluation, shown: Headline) -> bytes:
     ]
     handles[0].set_label(f"estimated ground, every {step:g} m")
     handles[1].set_label("the same lines in truth")
-    handles += numbered(axes, reference.points_uv)
+    handles += _numbered(axes, reference.points_uv)
     style.legend_below(fig, handles, strip, columns=3, size=_LEGEND_PT)
     return style.png(fig)
 
 
-def numbered(axes: Axes, uv: Float[np.ndarray, "k 2"]) -> list[Any]:
+def _numbered(axes: Axes, uv: Float[np.ndarray, "k 2"]) -> list[Any]:
     """Points with their numbers, which stand where they hide neither points nor one another."""
     marks: dict[str, Any] = {"c": POINT, "linewidths": 1.1, "edgecolors": style.INK}
     style.scatter(axes, uv, s=52, marker="o", zorder=6, clip_on=False, **marks)

@@ -13,7 +13,7 @@ from scene4d.evaluation.pages.headline import at_height
 from scene4d.evaluation.pages.look import height_text
 from scene4d.evaluation.pages.near import auc_of, auc_text
 
-NONE = "–"
+_NONE = "–"
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def _line(
         cells.append(_error(made, f"error (m), people {label}", by_height.get(height)))
     chosen = at_height(outcomes, main)
     if chosen.person_height_m != main or chosen.error is None:
-        cells += [Cell(label, NONE) for label in made.columns[len(every) :]]
+        cells += [Cell(label, _NONE) for label in made.columns[len(every) :]]
     else:
         cells += _at_main_height(evaluation, chosen, made.columns[len(every) :])
     kind = "circular" if setting.circular else ""
@@ -95,7 +95,7 @@ def _line(
 
 def _error(made: Table, label: str, outcome: Outcome | None) -> Cell:
     if outcome is None:
-        return Cell(label, NONE)
+        return Cell(label, _NONE)
     if outcome.error is None:
         reason = outcome.reason or "no reason was recorded"
         return Cell(label, "refused", reason, made.note(reason))
@@ -107,25 +107,25 @@ def _at_main_height(evaluation: Evaluation, outcome: Outcome, columns: list[str]
     assert found is not None
     assert found.camera is not None
     assert error is not None
-    predicted = NONE
+    predicted = _NONE
     expected = outcome.predicted_m
     if found.covariance is not None and expected is not None and np.isfinite(expected):
         predicted = number(expected, 2)
     auc = None if outcome.near is None else auc_of(outcome.near)
     cells = [
         Cell(columns[0], f"{predicted}\u00a0/\u00a0{number(error.rms_m, 2)}"),
-        Cell(columns[1], NONE if auc is None else auc_text(auc)),
+        Cell(columns[1], _NONE if auc is None else auc_text(auc)),
     ]
     truth = evaluation.reference.truth
     true = truth if isinstance(truth, Camera) else None
     sigma = found.sigma
     for label, name in zip(columns[2:], ("focal_px", "tilt_deg", "height_m"), strict=True):
-        text, off = parameter(name, found.camera, true)
+        text, off = _parameter(name, found.camera, true)
         cells.append(Cell(label, text, told=sigma.get(name) == 0.0, off=off))
     return cells
 
 
-def parameter(name: str, camera: Camera, true: Camera | None) -> tuple[str, str]:
+def _parameter(name: str, camera: Camera, true: Camera | None) -> tuple[str, str]:
     """``("1230 px", "+3.8 %")``: a parameter, and its difference to the truth if there is one."""
     if name == "focal_px":
         off = None if true is None else 100 * (camera.focal_px / true.focal_px - 1)
@@ -146,21 +146,21 @@ def _off(value: float | None, places: int, unit: str) -> str:
 
 def _truth(made: Table, evaluation: Evaluation, truth: Camera, blank: int) -> Line:
     labels = made.columns
-    cells = [Cell(label, NONE) for label in labels[: blank + 2]]
+    cells = [Cell(label, _NONE) for label in labels[: blank + 2]]
     for label, name in zip(labels[-3:], ("focal_px", "tilt_deg", "height_m"), strict=True):
-        cells.append(Cell(label, parameter(name, truth, None)[0]))
-    return Line(f"the true camera of {evaluation.reference.name}", NONE, NONE, cells, "truth")
+        cells.append(Cell(label, _parameter(name, truth, None)[0]))
+    return Line(f"the true camera of {evaluation.reference.name}", _NONE, _NONE, cells, "truth")
 
 
 def _published(made: Table, published: Published, every: list[float]) -> Line:
     cells = []
     for label, height in zip(made.columns, every, strict=False):
         here = abs(height - published.person_height_m) < 1e-9
-        text = f"{number(published.mean_m, 2)} ± {number(published.sd_m, 2)}" if here else NONE
+        text = f"{number(published.mean_m, 2)} ± {number(published.sd_m, 2)}" if here else _NONE
         cells.append(Cell(f"error (m), people {label}", text))
     note = made.note(f"Published for a mean height of {height_text(published.auc_height_m)} m.")
     rest = made.columns[len(every) :]
-    cells += [Cell(rest[0], NONE), Cell(rest[1], f"{published.auc:g}", note=note)]
-    cells += [Cell(label, NONE) for label in rest[2:]]
+    cells += [Cell(rest[0], _NONE), Cell(rest[1], f"{published.auc:g}", note=note)]
+    cells += [Cell(label, _NONE) for label in rest[2:]]
     footage = f"Wagner et al. (2019), {published.frames} frames"
     return Line(footage, "paper", "network", cells, "published")

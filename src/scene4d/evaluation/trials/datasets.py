@@ -24,7 +24,7 @@ from scene4d.evaluation import (
 from scene4d.evaluation.trials.few import DRAWS, PEOPLE, WAYS, few_people
 from scene4d.evaluation.trials.methods import HEIGHTS_M, Input, trials
 
-VIDEO_SUFFIXES = (".avi", ".mp4", ".mkv", ".mov", ".mpg")
+_VIDEO_SUFFIXES = (".avi", ".mp4", ".mkv", ".mov", ".mpg")
 _NO_VIDEO = "There is no video in this folder: what needs one was left out."
 _NO_PICTURES = (
     "There are no pictures here to show to the orientation network: its rows are left out."
@@ -97,7 +97,7 @@ def evaluate_virat(
 
 
 def _video(folder: Path, options: Options, progress: Progress) -> tuple[list[Input], list[str]]:
-    videos = sorted(p for p in folder.iterdir() if p.suffix.lower() in VIDEO_SUFFIXES)
+    videos = sorted(p for p in folder.iterdir() if p.suffix.lower() in _VIDEO_SUFFIXES)
     if not videos:
         return [], [_NO_VIDEO]
     if len(videos) > 1:

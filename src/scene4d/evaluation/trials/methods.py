@@ -12,7 +12,7 @@ from scene4d.evaluation import PAPER_HEIGHTS_M, Outcome, Reference, Setting
 
 HEIGHTS_M = tuple(sorted({*PAPER_HEIGHTS_M, PERSON_HEIGHT_M}))
 """Mean heights at which everything is tried: the paper's, and our default."""
-SHORT_FOCAL = (0.85, 0.70)
+_SHORT_FOCAL = (0.85, 0.70)
 """Focal length over the truth, as short as the paper's network saw it (METHOD section 2)."""
 
 
@@ -77,7 +77,7 @@ def trials(given: Input, truth: Orientation | None) -> Iterator[Trial]:
     if truth is not None:
         told = "true f, tilt, roll"
         yield trial(of_boxes, "paper", told, boxes, has_lens=True, orientation=truth, headline=True)
-        for share in SHORT_FOCAL:
+        for share in _SHORT_FOCAL:
             wide = replace(truth, focal_px=share * truth.focal_px)
             told = f"{share:.2f} f, tilt, roll"
             yield trial(of_boxes, "paper", told, boxes, has_lens=True, orientation=wide)

@@ -36,7 +36,7 @@ TUNED = ("G341", "G424")
 """Cameras whose clips every constant was chosen on."""
 REPORTED = ("G328", "G506")
 """Cameras that are reported unless others are asked for, and that nothing was chosen on."""
-FPS = 30.0
+_FPS = 30.0
 METRES_PER_PX = (0.005, 0.01, 0.02, 0.04)
 """What a pixel may be taken for where distances are counted in pixels."""
 
@@ -47,10 +47,10 @@ PIXELS = Method(
     f"{', '.join(f'{m:g}' for m in METRES_PER_PX)} m: for each activity what finds it best on the "
     "cameras tuned on",
 )
-NEAR = Method(
+_NEAR = Method(
     "near", "the same activities with P(near) as their only predicate, on the ground in metres"
 )
-METHODS = (OURS, PIXELS, NEAR)
+METHODS = (OURS, PIXELS, _NEAR)
 
 _GEOM, _ACTIVITIES = ".geom.yml", ".activities.yml"
 _NAME = re.compile(
@@ -75,7 +75,7 @@ class Clip:
     def label_s(self, names: Sequence[str]) -> Float[np.ndarray, "r 2"]:
         """When anything of these names happens, in seconds."""
         spans = [(one.begin_frame, one.end_frame) for one in self.labelled if one.name in names]
-        return np.array(spans, float).reshape(-1, 2) / FPS
+        return np.array(spans, float).reshape(-1, 2) / _FPS
 
 
 def evaluate_meva(
@@ -98,7 +98,7 @@ def evaluate_meva(
         clips = meva_clips(data, tuple(dict.fromkeys((*TUNED, *cameras))), progress)
     tuned = [clip for clip in clips if clip.camera in TUNED]
     reported = [clip for clip in clips if clip.camera in cameras]
-    return evaluated(reported, tuned, labelled_activities(), progress, timings)
+    return _evaluated(reported, tuned, labelled_activities(), progress, timings)
 
 
 def labelled_activities() -> dict[str, Activity]:
@@ -154,7 +154,7 @@ def _clips(
     """The clips of one camera; ``step`` is told of each file read, and of each clip made."""
     annotated = []
     for path, _ in files:
-        found, _ = noted_annotations(path, published.image_size, FPS, drop_invalid=True)
+        found, _ = noted_annotations(path, published.image_size, _FPS, drop_invalid=True)
         annotated.append(found)
         step(1)
     ground = local_ground(camera, published, annotated)
@@ -168,8 +168,8 @@ def _clips(
 def _clip(path: Path, name: re.Match[str], annotated: Detections, ground: Ground) -> Clip:
     stem = path.name.removesuffix(_GEOM)
     labelled = read_activities(path.with_name(stem + _ACTIVITIES))
-    options = TrackOptions(f"{ground.camera}.krtd", annotations=path, name=ground.camera, fps=FPS)
-    tracks = followed(annotated, ground.calibration, options, FPS)
+    options = TrackOptions(f"{ground.camera}.krtd", annotations=path, name=ground.camera, fps=_FPS)
+    tracks = followed(annotated, ground.calibration, options, _FPS)
     stage = unite_tracks(stage_of(tracks, ground.calibration))
     return Clip(stem, ground.camera, _minutes(name), stage, ground, labelled)
 
@@ -179,7 +179,7 @@ def _minutes(name: re.Match[str]) -> float:
     return (end - begin) % timedelta(days=1) / timedelta(minutes=1)
 
 
-def evaluated(
+def _evaluated(
     reported: Sequence[Clip],
     tuned: Sequence[Clip],
     activities: Mapping[str, Activity],
@@ -189,7 +189,7 @@ def evaluated(
     """Every method on the ``reported`` clips; ``tuned`` are those that pixels are scaled on."""
     timings = {} if timings is None else timings
     with timed(timings, "choose the scale of pixels"):
-        factors = chosen_factors(tuned, activities, progress)
+        factors = _chosen_factors(tuned, activities, progress)
     outcomes = []
     with progress.stage("Searching", len(METHODS) * len(activities)) as step:
         for method in METHODS:
@@ -220,7 +220,7 @@ def evaluated(
     )
 
 
-def chosen_factors(
+def _chosen_factors(
     clips: Sequence[Clip], activities: Mapping[str, Activity], progress: Progress
 ) -> dict[str, float]:
     """For each activity the factor of :data:`METRES_PER_PX` with the best average precision; the
@@ -250,7 +250,7 @@ def ranked_by(
     method: Method, clips: Sequence[Clip], seen: Sequence[Stage], activity: Activity
 ) -> Ranked | None:
     """What a method finds of an activity in the clips; None where it cannot look for it."""
-    searched = near_alone(activity) if method is NEAR else activity
+    searched = near_alone(activity) if method is _NEAR else activity
     if searched is None:
         return None
     events = []

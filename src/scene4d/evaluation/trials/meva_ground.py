@@ -16,7 +16,7 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Detections
 
-SLOPE_SIGMA_RAD = np.radians(1.0)
+_SLOPE_SIGMA_RAD = np.radians(1.0)
 """How far the local ground may slope against the horizontal."""
 EVERY = 30
 """Frames between two sightings of a person that are used."""
@@ -62,8 +62,8 @@ def local_ground(name: str, published: Calibration, annotated: Sequence[Detectio
             focal_px=float(camera.K[0, 0]),
             tilt_rad=camera.tilt_rad,
             roll_rad=camera.roll_rad,
-            tilt_sigma_rad=float(SLOPE_SIGMA_RAD),
-            roll_sigma_rad=float(SLOPE_SIGMA_RAD),
+            tilt_sigma_rad=float(_SLOPE_SIGMA_RAD),
+            roll_sigma_rad=float(_SLOPE_SIGMA_RAD),
         ),
         lens=camera,
         population_sigma_m=POPULATION_SIGMA_M,

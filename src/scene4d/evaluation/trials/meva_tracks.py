@@ -11,7 +11,7 @@ from scene4d.tracking.following import Follower, Look
 from scene4d.tracking.options import TrackOptions, TrackRun
 from scene4d.tracking.placing import known_classes
 
-FRAMES_PER_LOOK = 300
+_FRAMES_PER_LOOK = 300
 
 
 def followed(
@@ -29,8 +29,8 @@ def followed(
     follower = Follower(calibration, options.height_m(calibration), run)
     frames = np.arange(0, int(found.frame.max(initial=-1)) + 1, every)
     parts = []
-    for begin in range(0, len(frames), FRAMES_PER_LOOK):
-        some = frames[begin : begin + FRAMES_PER_LOOK]
+    for begin in range(0, len(frames), _FRAMES_PER_LOOK):
+        some = frames[begin : begin + _FRAMES_PER_LOOK]
         rows = np.arange(*np.searchsorted(found.frame, [some[0], some[-1] + 1]))
         parts += list(follower.follow(Look(some, some / fps, found.select(rows))))
     tracks = Tracks.concatenate([*parts, follower.finish()])

@@ -19,7 +19,7 @@ from scene4d.formats.annotations.boxes import Rows, numeric_table, whole
 from scene4d.formats.annotations.contract import AnnotationFormat
 
 # Milan et al. (2016), MOT16, table of classes; the first ones under the names of COCO.
-CLASSES = (
+_CLASSES = (
     "person", "person_on_vehicle", "car", "bicycle", "motorcycle", "non_motorized_vehicle",
     "static_person", "distractor", "occluder", "occluder_on_ground", "occluder_full",
     "reflection", "crowd",
@@ -33,11 +33,13 @@ def _sniff(path: Path, head: str) -> bool:
 
 
 def _class_names(codes: np.ndarray, where: list[str]) -> np.ndarray:
-    bad = (codes < 1) | (codes > len(CLASSES))
+    bad = (codes < 1) | (codes > len(_CLASSES))
     if bad.any():
         first = int(np.argmax(bad))
-        raise InputError(f"{where[first]}: class must be 1 to {len(CLASSES)}, found {codes[first]}")
-    return np.array(CLASSES)[codes - 1]
+        raise InputError(
+            f"{where[first]}: class must be 1 to {len(_CLASSES)}, found {codes[first]}"
+        )
+    return np.array(_CLASSES)[codes - 1]
 
 
 def _read(path: Path, image_size: tuple[int, int]) -> Rows:

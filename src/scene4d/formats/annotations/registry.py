@@ -1,4 +1,4 @@
-"""All annotation formats. A new one is a file beside this one and a line in :data:`FORMATS`."""
+"""All annotation formats. A new one is a file beside this one and a line in :data:`_FORMATS`."""
 
 import os
 import warnings
@@ -16,7 +16,7 @@ from scene4d.formats.annotations.boxes import first_fault
 from scene4d.formats.annotations.contract import AnnotationFormat
 
 # The first whose sniff agrees reads the file, so the specific stand before the general.
-FORMATS: tuple[AnnotationFormat, ...] = (
+_FORMATS: tuple[AnnotationFormat, ...] = (
     coco.FORMAT,
     pets.FORMAT,
     kpf.FORMAT,
@@ -29,13 +29,13 @@ FORMATS: tuple[AnnotationFormat, ...] = (
 
 def annotation_formats() -> tuple[AnnotationFormat, ...]:
     """Every format, in the order in which a file is tried."""
-    return FORMATS
+    return _FORMATS
 
 
 def _choose(path: Path, name: str | None) -> AnnotationFormat:
-    known = ", ".join(f.name for f in FORMATS)
+    known = ", ".join(f.name for f in _FORMATS)
     if name is not None:
-        for candidate in FORMATS:
+        for candidate in _FORMATS:
             if candidate.name == name:
                 return candidate
         raise InputError(f"annotation format {name!r} is unknown; known: {known}")
@@ -44,13 +44,13 @@ def _choose(path: Path, name: str | None) -> AnnotationFormat:
         raise InputError("is a folder; expected an annotation file")
     if not head.strip():
         raise InputError("the file is empty")
-    for candidate in FORMATS:
+    for candidate in _FORMATS:
         if candidate.sniff(path, head):
             return candidate
     raise InputError(f"no annotation format recognises this file; name the format, one of {known}")
 
 
-MOST_INVALID = 0.25
+_MOST_INVALID = 0.25
 """Share of impossible boxes above which they are not left out but the file is refused."""
 
 
@@ -81,7 +81,7 @@ def read_annotations(
         if fault is not None and not drop_invalid:
             raise InputError(f"{fault} (--drop-invalid leaves such boxes out)")
         bad = len(good) - int(good.sum())
-        if bad > MOST_INVALID * len(good):
+        if bad > _MOST_INVALID * len(good):
             raise InputError(
                 f"{bad} of {len(good)} boxes are impossible, so this is not the annotation of this "
                 f"footage; the first: {fault}"

@@ -21,8 +21,8 @@ from scene4d.core.text import read_text
 from scene4d.formats.annotations.boxes import Rows, numeric_table, whole
 from scene4d.formats.annotations.contract import AnnotationFormat
 
-SUFFIX = ".viratdata.objects.txt"
-CLASSES = ("unknown", "person", "car", "vehicle", "object", "bicycle")
+_SUFFIX = ".viratdata.objects.txt"
+_CLASSES = ("unknown", "person", "car", "vehicle", "object", "bicycle")
 """By type, under the names of COCO and KPF where they have one."""
 _MARK, _COLUMNS = ".viratdata.", 8
 
@@ -34,8 +34,8 @@ def _sniff(path: Path, head: str) -> bool:
 
 def _check_layout(path: Path, text: str) -> None:
     name = path.name.lower()
-    if _MARK in name and not name.endswith(SUFFIX):
-        objects = path.name[: name.index(_MARK)] + SUFFIX
+    if _MARK in name and not name.endswith(_SUFFIX):
+        objects = path.name[: name.index(_MARK)] + _SUFFIX
         raise InputError(f"holds no boxes of objects; expected {objects}")
     for number, line in enumerate(text.splitlines(), start=1):
         row = line.partition("#")[0]
@@ -57,11 +57,11 @@ def _read(path: Path, image_size: tuple[int, int]) -> Rows:
     table, lines = numeric_table(text, _COLUMNS)
     where = [f"line {n}" for n in lines]
     kind = whole(table[:, 7], "the type", where.__getitem__)
-    bad = (kind < 0) | (kind >= len(CLASSES))
+    bad = (kind < 0) | (kind >= len(_CLASSES))
     if bad.any():
         first = int(np.argmax(bad))
         raise InputError(
-            f"{where[first]}: the type must be 0 to {len(CLASSES) - 1}, found {kind[first]}"
+            f"{where[first]}: the type must be 0 to {len(_CLASSES) - 1}, found {kind[first]}"
         )
     corner = table[:, 3:5]
     found = Detections.from_boxes(
@@ -69,7 +69,7 @@ def _read(path: Path, image_size: tuple[int, int]) -> Rows:
         whole(table[:, 2], "the frame number", where.__getitem__),
         np.hstack([corner, corner + table[:, 5:7]]),
         track=whole(table[:, 0], "the object id", where.__getitem__),
-        class_name=np.array(CLASSES)[kind],
+        class_name=np.array(_CLASSES)[kind],
     )
     return Rows(found, where.__getitem__)
 
@@ -77,7 +77,7 @@ def _read(path: Path, image_size: tuple[int, int]) -> Rows:
 FORMAT = AnnotationFormat(
     name="virat",
     description="VIRAT release 2.0 viratdata.objects.txt",
-    patterns=(f"*{SUFFIX}",),
+    patterns=(f"*{_SUFFIX}",),
     sniff=_sniff,
     read=_read,
 )

@@ -78,7 +78,7 @@ def matrix(name: str, value: Any, rows: int, cols: int) -> np.ndarray:
     return data.reshape(rows, cols)
 
 
-def positive_int(name: str, value: Any) -> int:
+def _positive_int(name: str, value: Any) -> int:
     """A field as a positive whole number."""
     number = float(floats([value], f"field {name!r}")[0])
     if number != int(number) or number < 1:
@@ -99,9 +99,9 @@ def image_size(values: Mapping[str, Any]) -> tuple[int, int] | None:
     width = find(values, "image_width", "image_Width", "width")
     height = find(values, "image_height", "image_Height", "height")
     if width and height:
-        return positive_int(*width), positive_int(*height)
+        return _positive_int(*width), _positive_int(*height)
     both = find(values, "image_size", "imageSize")
     if both is None:
         return None
     size = matrix(*both, 1, 2)[0]
-    return positive_int(both[0], float(size[0])), positive_int(both[0], float(size[1]))
+    return _positive_int(both[0], float(size[0])), _positive_int(both[0], float(size[1]))

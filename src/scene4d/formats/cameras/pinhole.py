@@ -7,7 +7,7 @@ from scene4d.core import geometry
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 
-ImageSize = tuple[int, int]
+_ImageSize = tuple[int, int]
 
 _MIN_SIZE, _MAX_ASPECT = 16, 4.0
 _CENTRAL = 0.25
@@ -30,7 +30,7 @@ def five_coefficients(values: Float[np.ndarray, "n"]) -> Float[np.ndarray, "5"]:
     return out
 
 
-def size_for(K: Float[np.ndarray, "3 3"], image_size: ImageSize | None) -> ImageSize:
+def size_for(K: Float[np.ndarray, "3 3"], image_size: _ImageSize | None) -> _ImageSize:
     """The image size for a file that carries none: as given, or twice the principal point.
 
     With pixel centres at integers the centre of w pixels is ``(w - 1) / 2``; an odd result means
@@ -95,7 +95,7 @@ def require_z_up(R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> None
         )
 
 
-def camera_from_projection(P: Float[np.ndarray, "3 4"], image_size: ImageSize | None) -> Camera:
+def camera_from_projection(P: Float[np.ndarray, "3 4"], image_size: _ImageSize | None) -> Camera:
     """The camera of a bare projection matrix into pixels, without distortion."""
     K, R, t = decompose(P)
     require_z_up(R, t)

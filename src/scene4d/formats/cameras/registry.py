@@ -1,4 +1,4 @@
-"""All camera formats. A new one is a file beside this one and a line in :data:`FORMATS`."""
+"""All camera formats. A new one is a file beside this one and a line in :data:`_FORMATS`."""
 
 import os
 from dataclasses import replace
@@ -23,7 +23,7 @@ from scene4d.formats.cameras import (
 from scene4d.formats.cameras.contract import CameraFormat
 
 # The first whose sniff agrees reads the file, so the specific stand before the general.
-FORMATS: tuple[CameraFormat, ...] = (
+_FORMATS: tuple[CameraFormat, ...] = (
     camera_json.FORMAT,
     opencv.YAML,
     opencv.XML,
@@ -39,15 +39,15 @@ FORMATS: tuple[CameraFormat, ...] = (
 
 def camera_formats() -> tuple[CameraFormat, ...]:
     """Every format, in the order in which a file is tried."""
-    return FORMATS
+    return _FORMATS
 
 
 def _by_name(name: str) -> CameraFormat:
-    for candidate in FORMATS:
+    for candidate in _FORMATS:
         if candidate.name == name:
             return candidate
     raise InputError(
-        f"camera format {name!r} is unknown; known: {', '.join(f.name for f in FORMATS)}"
+        f"camera format {name!r} is unknown; known: {', '.join(f.name for f in _FORMATS)}"
     )
 
 
@@ -55,12 +55,12 @@ def _detect(path: Path) -> CameraFormat:
     head = head_text(path)
     if not path.is_dir() and not head.strip():
         raise InputError("the file is empty")
-    for candidate in FORMATS:
+    for candidate in _FORMATS:
         if candidate.sniff(path, head):
             return candidate
     raise InputError(
         "no camera format recognises this file; name the format, one of "
-        + ", ".join(f.name for f in FORMATS)
+        + ", ".join(f.name for f in _FORMATS)
     )
 
 
@@ -132,7 +132,7 @@ def write_camera(camera: Camera, path: str | os.PathLike[str], format: str) -> N
     if chosen.write is None:
         raise InputError(
             f"camera format {format!r} is read only; write one of "
-            + ", ".join(f.name for f in FORMATS if f.write)
+            + ", ".join(f.name for f in _FORMATS if f.write)
         )
     content = chosen.write(camera)
     if isinstance(content, str):

@@ -11,15 +11,15 @@ from scene4d.core.errors import InputError, UnavailableError
 from scene4d.core.geometry.alignment import rigid_fit
 from scene4d.core.text import floats
 
-EXPECTED_ERROR_M = 1.0
+_EXPECTED_ERROR_M = 1.0
 """How far off a point on the ground is: read from a map, and seen by the camera."""
-EXPECTED_SCALE_ERROR = 0.03
+_EXPECTED_SCALE_ERROR = 0.03
 """How far off the camera's metre is; it comes from the mean height of people."""
-MOST_SCALE = 1.25
+_MOST_SCALE = 1.25
 """Factor by which distances may disagree, either way, before the anchor is refused."""
 WARN_AT, REFUSE_AT = 3.0, 6.0
 """Distance of a point from where the anchor puts it, in expected errors."""
-LEAST_SPREAD_M = 1.0
+_LEAST_SPREAD_M = 1.0
 """Points closer to one another than this give no direction."""
 _NUMBERS = ("latitude_deg", "longitude_deg", "rotation_rad", "east_m", "north_m", "scale")
 
@@ -51,7 +51,7 @@ class GeoAnchor:
         lat_deg: Float[np.ndarray, "n"],
         lon_deg: Float[np.ndarray, "n"],
         *,
-        sigma_m: float = EXPECTED_ERROR_M,
+        sigma_m: float = _EXPECTED_ERROR_M,
     ) -> "GeoAnchor":
         """The anchor that brings ground points (n, 2), n at least 2, to where they are known to be.
 
@@ -72,7 +72,7 @@ class GeoAnchor:
         scale = float(np.sum((arm @ R.T) * earth) / np.sum(arm**2))
         _check_scale(scale, xy_m, earth)
         residual = np.linalg.norm(xy_m @ R.T + shift - earth, axis=1)
-        expected = np.hypot(sigma_m, EXPECTED_SCALE_ERROR * np.linalg.norm(arm, axis=1))
+        expected = np.hypot(sigma_m, _EXPECTED_SCALE_ERROR * np.linalg.norm(arm, axis=1))
         _check_residual(residual, expected, scale)
         return cls(
             latitude_deg=centre[0],
@@ -171,7 +171,7 @@ def _largest_distance(points: np.ndarray) -> float:
 
 def _check_spread(where: str, points: np.ndarray) -> None:
     spread = _largest_distance(points)
-    if spread < LEAST_SPREAD_M:
+    if spread < _LEAST_SPREAD_M:
         raise InputError(
             f"geo-anchor: its points lie within {spread:.2f} m {where} and give no direction; "
             "choose points far apart"
@@ -179,11 +179,11 @@ def _check_spread(where: str, points: np.ndarray) -> None:
 
 
 def _check_scale(scale: float, xy_m: np.ndarray, earth: np.ndarray) -> None:
-    if not 1 / MOST_SCALE <= scale <= MOST_SCALE:
+    if not 1 / _MOST_SCALE <= scale <= _MOST_SCALE:
         raise InputError(
             f"geo-anchor: its distances disagree: up to {_largest_distance(xy_m):.1f} m in the "
             f"scene, {_largest_distance(earth):.1f} m by latitude and longitude, and a scale of "
-            f"{scale:.2f} would fit best (accepted: {1 / MOST_SCALE:.2f} to {MOST_SCALE:.2f}). "
+            f"{scale:.2f} would fit best (accepted: {1 / _MOST_SCALE:.2f} to {_MOST_SCALE:.2f}). "
             "Does each latitude and longitude belong to its point? Points far apart help"
         )
 

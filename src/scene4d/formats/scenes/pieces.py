@@ -9,7 +9,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
 from scene4d.formats.scenes.contract import SceneTable
 
-ONE_CLIP = ("camera", "image_size", "start_utc", "fps", "keypoint_names", "geo")
+_ONE_CLIP = ("camera", "image_size", "start_utc", "fps", "keypoint_names", "geo")
 """What pieces have in common where the format can say it only once."""
 
 
@@ -39,7 +39,7 @@ def in_frame_order(pieces: Iterator[SceneTable]) -> Iterator[SceneTable]:
     Raises :class:`InputError` where a piece begins before the one before it ended.
     """
     last = -1
-    for piece in agreeing(pieces, ONE_CLIP):
+    for piece in agreeing(pieces, _ONE_CLIP):
         tracks = by_frame(piece.tracks)
         if tracks.frame[0] < last:
             raise InputError(
@@ -55,7 +55,7 @@ def gathered(pieces: Iterator[SceneTable]) -> SceneTable:
 
     Raises :class:`InputError` where a track is twice at the same moment.
     """
-    parts = list(agreeing(pieces, ONE_CLIP))
+    parts = list(agreeing(pieces, _ONE_CLIP))
     tracks = Tracks.concatenate([part.tracks for part in parts])
     tracks = tracks.select(np.lexsort((tracks.time_s, tracks.track)))
     # Nanoseconds, since that is what is written.

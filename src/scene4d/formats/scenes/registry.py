@@ -1,4 +1,4 @@
-"""All scene formats. A new one is a file beside this one and a line in :data:`FORMATS`."""
+"""All scene formats. A new one is a file beside this one and a line in :data:`_FORMATS`."""
 
 import os
 from collections.abc import Iterable, Iterator
@@ -11,7 +11,7 @@ from scene4d.formats.scenes import csv, geojson, kpf, mot, moving_features
 from scene4d.formats.scenes.contract import SceneFormat, SceneTable
 from scene4d.formats.scenes.replacing import replace_files
 
-FORMATS: tuple[SceneFormat, ...] = (
+_FORMATS: tuple[SceneFormat, ...] = (
     csv.FORMAT,
     mot.FORMAT,
     kpf.FORMAT,
@@ -22,7 +22,7 @@ FORMATS: tuple[SceneFormat, ...] = (
 
 def scene_formats() -> tuple[SceneFormat, ...]:
     """Every format."""
-    return FORMATS
+    return _FORMATS
 
 
 def write_scene(
@@ -62,11 +62,11 @@ def write_scene(
 
 
 def _by_name(name: str) -> SceneFormat:
-    for candidate in FORMATS:
+    for candidate in _FORMATS:
         if candidate.name == name:
             return candidate
     raise InputError(
-        f"scene format {name!r} is unknown; known: {', '.join(f.name for f in FORMATS)}"
+        f"scene format {name!r} is unknown; known: {', '.join(f.name for f in _FORMATS)}"
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import supervision as sv
 from jaxtyping import UInt8
 
-EDGE_PX = 0.5
+_EDGE_PX = 0.5
 """How far a box may reach outside: detectors that count pixels from their edges are let pass."""
 
 _Case = tuple[str, np.ndarray]
@@ -83,7 +83,7 @@ def _wrong_in(answer: sv.Detections, image: np.ndarray) -> Iterator[str]:
     else:
         if not (box[:, 2:] > box[:, :2]).all():
             yield "a box is empty or its corners are not ordered x1 < x2, y1 < y2"
-        low, high = -0.5 - EDGE_PX, np.array([width, height] * 2) - 0.5 + EDGE_PX
+        low, high = -0.5 - _EDGE_PX, np.array([width, height] * 2) - 0.5 + _EDGE_PX
         if (box < low - 1e-6).any() or (box > high + 1e-6).any():
             yield f"a box reaches outside the image of {width}x{height}"
     score = answer.confidence

@@ -16,8 +16,8 @@ from scene4d.core.errors import InputError, UnavailableError
 from scene4d.perception.detectors.base import require_bgr
 from scene4d.perception.session import DEFAULT_THREADS
 
-THRESHOLD = 0.5
-MASK_LEVEL = 0.5
+_THRESHOLD = 0.5
+_MASK_LEVEL = 0.5
 
 _WEIGHTS = "MaskRCNN_ResNet50_FPN_Weights"
 
@@ -36,7 +36,7 @@ class MaskRcnnDetector:
         weights: Path | None = None,
         *,
         threads: int = DEFAULT_THREADS,
-        threshold: float = THRESHOLD,
+        threshold: float = _THRESHOLD,
         device: str = "cpu",
     ) -> None:
         self.threshold = threshold
@@ -84,7 +84,7 @@ class MaskRcnnDetector:
             xyxy=box[rows],
             confidence=score[rows].astype(float),
             class_id=label[rows].astype(np.int64),
-            mask=mask.reshape(-1, height, width)[rows] >= MASK_LEVEL,
+            mask=mask.reshape(-1, height, width)[rows] >= _MASK_LEVEL,
             data={"class_name": np.array(self.class_names)[label[rows].astype(np.int64)]},
         )
 

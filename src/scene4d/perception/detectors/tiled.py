@@ -11,7 +11,7 @@ from jaxtyping import UInt8
 from scene4d.perception.detectors.base import require_bgr
 from scene4d.perception.detectors.tiles import ExpectedPersonPx, Sight, choose_tiles, cut_by_tile
 
-NMS_IOU = 0.5
+_NMS_IOU = 0.5
 
 
 class Boxes(NamedTuple):
@@ -83,7 +83,7 @@ class TiledDetector(ABC):
             confidence=found.score,
             class_id=found.label,
             data={"class_name": names},
-        ).with_nms(NMS_IOU)
+        ).with_nms(_NMS_IOU)
 
     def expecting(self, expected_person_px: ExpectedPersonPx | None) -> "TiledDetector":
         """The same detector for a scene where the size of people is known; shares the network."""

@@ -16,15 +16,15 @@ NaN (or a value not above 0) where nobody can stand, such as above the horizon.
 
 INPUT_PX = 416
 """Side of YOLOX-tiny's square input."""
-TILE_PX = 640
-OVERLAP_SHARE = 0.2
-REFERENCE_PX = 1920
+_TILE_PX = 640
+_OVERLAP_SHARE = 0.2
+_REFERENCE_PX = 1920
 """Images longer than this get tiles larger in proportion, so their number stays at most 4 x 4."""
-SMALL_PX = 20.0
+_SMALL_PX = 20.0
 """Height in the network's input from which recall is whole: PETS frames shrunk step by step gave
 0.95-0.97 from 20 px on, 0.84 at 18 px, 0.66 at 14 px and 0.35 at 10 px."""
-HOPELESS_PX = 10.0
-MIN_GAIN = 1.3
+_HOPELESS_PX = 10.0
+_MIN_GAIN = 1.3
 """Tiles that would show people less than this much larger than the whole frame are not worth it."""
 
 _CUT_PX = 3.0
@@ -40,25 +40,25 @@ class Sight:
     """
 
     input_px: int = INPUT_PX
-    tile_px: int = TILE_PX
-    small_px: float = SMALL_PX
-    hopeless_px: float = HOPELESS_PX
+    tile_px: int = _TILE_PX
+    small_px: float = _SMALL_PX
+    hopeless_px: float = _HOPELESS_PX
 
     @classmethod
     def of_input(cls, input_px: int) -> "Sight":
         """The same enlargement in the tiles for a network with another input."""
-        return cls(input_px=input_px, tile_px=round(TILE_PX * input_px / INPUT_PX))
+        return cls(input_px=input_px, tile_px=round(_TILE_PX * input_px / INPUT_PX))
 
 
-YOLOX_TINY = Sight()
+_YOLOX_TINY = Sight()
 
 
-def tile_grid(image_size: tuple[int, int], tile_px: int = TILE_PX) -> Int[np.ndarray, "n 4"]:
+def tile_grid(image_size: tuple[int, int], tile_px: int = _TILE_PX) -> Int[np.ndarray, "n 4"]:
     """Tiles (x1, y1, x2, y2), last pixel excluded, that cover an image (width, height).
 
     Neighbours share a fifth of their side at least (128 of 640 px); none reaches outside.
     """
-    step = tile_px - round(tile_px * OVERLAP_SHARE)
+    step = tile_px - round(tile_px * _OVERLAP_SHARE)
     starts = []
     for length in image_size:
         size = min(tile_px, length)
@@ -85,7 +85,7 @@ def choose_tiles(
     expected_person_px: ExpectedPersonPx | None = None,
     *,
     use: bool | None = None,
-    sight: Sight = YOLOX_TINY,
+    sight: Sight = _YOLOX_TINY,
 ) -> Int[np.ndarray, "n 4"]:
     """Tiles to look at besides the whole frame of (width, height); none where it shows enough.
 
@@ -96,9 +96,9 @@ def choose_tiles(
     """
     none = np.empty((0, 4), np.int64)
     longest = max(image_size)
-    if not (longest >= MIN_GAIN * sight.tile_px if use is None else use):
+    if not (longest >= _MIN_GAIN * sight.tile_px if use is None else use):
         return none
-    tile_px = round(sight.tile_px * max(1.0, longest / REFERENCE_PX))
+    tile_px = round(sight.tile_px * max(1.0, longest / _REFERENCE_PX))
     if longest <= tile_px:
         return none
     if expected_person_px is None:

@@ -20,9 +20,9 @@ from scene4d.perception.detectors.tiles import ExpectedPersonPx, Sight
 from scene4d.perception.session import DEFAULT_THREADS
 from scene4d.perception.weights import weight_path
 
-INPUT_PX = 608
-WHOLE_THRESHOLD = 0.3
-TILE_THRESHOLD = 0.4
+_INPUT_PX = 608
+_WHOLE_THRESHOLD = 0.3
+_TILE_THRESHOLD = 0.4
 
 # 37 vehicles of two MEVA frames, drawn by hand and shrunk step by step: recall 0.9 from 20 px on
 # (measured along the longer side's scale), 0.6 at 13 px, 0.3 at 10 px.
@@ -50,9 +50,9 @@ class Yolov4TinyDetector(TiledDetector):
         layers: Path | None = None,
         *,
         threads: int = DEFAULT_THREADS,
-        input_px: int = INPUT_PX,
-        whole_threshold: float = WHOLE_THRESHOLD,
-        tile_threshold: float = TILE_THRESHOLD,
+        input_px: int = _INPUT_PX,
+        whole_threshold: float = _WHOLE_THRESHOLD,
+        tile_threshold: float = _TILE_THRESHOLD,
         tiles: bool | None = None,
         expected_person_px: ExpectedPersonPx | None = None,
     ) -> None:

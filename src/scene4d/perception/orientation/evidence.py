@@ -6,12 +6,12 @@ from scene4d.perception.orientation.grid import Belief
 from scene4d.perception.orientation.lines import line_log_likelihood
 from scene4d.perception.orientation.network import OrientationNetwork
 
-NETWORK_POWER = 0.9
-LINE_POWER = 0.75
+_NETWORK_POWER = 0.9
+_LINE_POWER = 0.75
 """Exponents of the two, with the best log score together on the validation panoramas
 (``python -m training.card --fit``). Below one: each is a little too sure, and lines repeat one
 another; and what one of them sees, the other partly sees as well."""
-RECOGNISED_NATS = 3.0
+_RECOGNISED_NATS = 3.0
 """Lines count in full where the network has learned this much (three in four validation crops), and
 not at all where it has learned nothing: a picture on its side is full of good lines that lie."""
 
@@ -30,7 +30,7 @@ class PoseReader:
         :class:`InputError` for a picture that is none, or smaller than 32 pixels.
         """
         read = self.network.belief(image_bgr)
-        lines = LINE_POWER * min(1.0, read.information() / RECOGNISED_NATS)
+        lines = _LINE_POWER * min(1.0, read.information() / _RECOGNISED_NATS)
         return Belief.normalised(
-            NETWORK_POWER * read.log_p + lines * line_log_likelihood(image_bgr)
+            _NETWORK_POWER * read.log_p + lines * line_log_likelihood(image_bgr)
         )

@@ -7,13 +7,13 @@ import numpy as np
 
 from scene4d.perception.orientation.grid import Belief
 
-CORRELATION = 0.9
+_CORRELATION = 0.9
 """Of the network's errors in two frames of one camera: it looks at the same scene."""
 _STRAY_SIGMAS = 4.0
 _MAD_TO_SIGMA = 1.4826
 
 
-def fused(beliefs: Sequence[Belief], *, correlation: float = CORRELATION) -> Belief:
+def fused(beliefs: Sequence[Belief], *, correlation: float = _CORRELATION) -> Belief:
     """The mean log-probability of the frames, raised to how many of them count.
 
     Of n equally correlated frames ``n / (1 + (n - 1) · correlation)`` count. Frames that stray from

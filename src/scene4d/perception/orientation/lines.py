@@ -24,24 +24,24 @@ from scene4d.perception.lines import straight_edges
 from scene4d.perception.orientation.grid import ROLL_RAD, SHAPE, TILT_RAD, VFOV_RAD
 from scene4d.perception.orientation.network import centre_crop
 
-WORKING_HEIGHT = 480
+_WORKING_HEIGHT = 480
 """Larger pictures are shrunk to this height: finding segments takes half of the time."""
 LONGEST = 120
 """So many segments are heard, the longest."""
 
 # Tuned on crops of panoramas (files happy358_* and gkjohnson_* only).
-UPRIGHT_SHARE = np.float32(0.4)
-HORIZONTAL_SHARE = np.float32(0.1)
+_UPRIGHT_SHARE = np.float32(0.4)
+_HORIZONTAL_SHARE = np.float32(0.1)
 """Of each of the two horizontal directions. Few, because many places have more than two."""
-ANGLE_SIGMA_RAD = np.radians(0.6)
+_ANGLE_SIGMA_RAD = np.radians(0.6)
 """How far real edges stray from the three directions."""
-END_SIGMA_PX = 0.4
+_END_SIGMA_PX = 0.4
 """Error of a segment's end, across the segment."""
-PLACE_SIGMA_RAD = np.radians(0.4)
+_PLACE_SIGMA_RAD = np.radians(0.4)
 """Blur of a vanishing point: the cells of the table have a size."""
-FULL_LENGTH = 0.5
+_FULL_LENGTH = 0.5
 """A segment of this length (half heights of the picture) counts once, a shorter one in part."""
-INDEPENDENT = 25.0
+_INDEPENDENT = 25.0
 """Segments of one window or house err together: however many there are, no more are believed."""
 
 # The table of places: polar angle from the image's centre, as seen from half a height away, and
@@ -77,8 +77,8 @@ def line_log_likelihood(image_bgr: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarr
     """
     crop = centre_crop(image_bgr)
     height, width = crop.shape[:2]
-    if height > WORKING_HEIGHT:
-        width, height = round(width * WORKING_HEIGHT / height), WORKING_HEIGHT
+    if height > _WORKING_HEIGHT:
+        width, height = round(width * _WORKING_HEIGHT / height), _WORKING_HEIGHT
         crop = cv2.resize(crop, (width, height), interpolation=cv2.INTER_AREA)
     return segment_log_likelihood(straight_edges(crop), (width, height))
 
@@ -89,7 +89,7 @@ def segment_log_likelihood(
     """As :func:`line_log_likelihood`, from segments' end points in pixels of the 4:3 crop.
 
     ``crop_size`` is (width, height); pixel centres are at integers. The log-likelihood is
-    tempered: segments of one object err together (``INDEPENDENT``).
+    tempered: segments of one object err together (``_INDEPENDENT``).
     """
     width, height = crop_size
     ends = (segments_xyxy.reshape(-1, 2, 2) - [(width - 1) / 2, (height - 1) / 2]) / (height / 2)
@@ -98,9 +98,9 @@ def segment_log_likelihood(
     longest = longest[length[longest] > 0]
     if len(longest) == 0:
         return np.zeros(SHAPE)
-    weight = np.minimum(1.0, length[longest] / FULL_LENGTH)
-    weight /= 1 + weight.sum() / INDEPENDENT
-    gain = _gains(ends[longest], END_SIGMA_PX / (height / 2))
+    weight = np.minimum(1.0, length[longest] / _FULL_LENGTH)
+    weight /= 1 + weight.sum() / _INDEPENDENT
+    gain = _gains(ends[longest], _END_SIGMA_PX / (height / 2))
     return _log_likelihood(gain, weight.astype(np.float32))
 
 
@@ -116,8 +116,8 @@ def _gains(ends: Float[np.ndarray, "n 2 2"], end_sigma: float) -> Float32[np.nda
     middle, span = ends.mean(axis=1), ends[:, 1] - ends[:, 0]
     length = np.hypot(*span.T)
     normal = np.column_stack([-span[:, 1], span[:, 0]]) / length[:, None]
-    variance = (ANGLE_SIGMA_RAD**2 + 2 * (end_sigma / length) ** 2).astype(np.float32)
-    blur = np.float32(PLACE_SIGMA_RAD**2)
+    variance = (_ANGLE_SIGMA_RAD**2 + 2 * (end_sigma / length) ** 2).astype(np.float32)
+    blur = np.float32(_PLACE_SIGMA_RAD**2)
     azimuth = np.arange(_AZIMUTHS) * _AZIMUTH_STEP
     around = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
     across, along = (around @ normal.T).astype(np.float32), (around @ middle.T).astype(np.float32)
@@ -140,12 +140,12 @@ def _gains(ends: Float[np.ndarray, "n 2 2"], end_sigma: float) -> Float32[np.nda
 def _log_likelihood(
     gain: Float32[np.ndarray, "p n"], weight: Float32[np.ndarray, "n"]
 ) -> Float[np.ndarray, "33 37 21"]:
-    upright = _alone(gain, UPRIGHT_SHARE) @ weight
-    horizontal = _alone(gain, HORIZONTAL_SHARE) @ weight
+    upright = _alone(gain, _UPRIGHT_SHARE) @ weight
+    horizontal = _alone(gain, _HORIZONTAL_SHARE) @ weight
     rough, camera = _read(upright, horizontal)
     again = np.argsort(-rough, axis=None)[: _AGAIN // len(weight)]
     top, first, second = _places(camera, again)
-    mixture = 1 + UPRIGHT_SHARE * gain[top] + HORIZONTAL_SHARE * (gain[first] + gain[second])
+    mixture = 1 + _UPRIGHT_SHARE * gain[top] + _HORIZONTAL_SHARE * (gain[first] + gain[second])
     # Never near zero: the rest of the mixture points anywhere, so no segment rules a camera out.
     exact = np.log(mixture) @ weight
     change = exact - (upright[top] + horizontal[first] + horizontal[second])

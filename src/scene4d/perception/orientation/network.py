@@ -17,9 +17,9 @@ from scipy.special import log_softmax
 from scene4d.core.errors import InputError
 from scene4d.perception.orientation.grid import Belief, crop_size
 
-INPUT_SIZE = (192, 144)
+_INPUT_SIZE = (192, 144)
 """Width and height that the network looks at, pixels."""
-WEIGHTS = "network.onnx"
+_WEIGHTS = "network.onnx"
 _SMALLEST = 32
 
 
@@ -43,7 +43,7 @@ class OrientationNetwork:
 
         model = self._given
         if model is None:
-            model = files("scene4d.perception.orientation").joinpath(WEIGHTS).read_bytes()
+            model = files("scene4d.perception.orientation").joinpath(_WEIGHTS).read_bytes()
         options = onnxruntime.SessionOptions()
         options.log_severity_level = 3
         return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
@@ -90,6 +90,6 @@ def _prepared(image_bgr: np.ndarray) -> np.ndarray:
             f"orientation: the picture of {width}x{height} pixels is too small; its centred 4:3 "
             f"part needs at least {_SMALLEST} pixels each way"
         )
-    shrink = part.shape[0] > INPUT_SIZE[1]
+    shrink = part.shape[0] > _INPUT_SIZE[1]
     how = cv2.INTER_AREA if shrink else cv2.INTER_LINEAR
-    return cv2.resize(part, INPUT_SIZE, interpolation=how)
+    return cv2.resize(part, _INPUT_SIZE, interpolation=how)

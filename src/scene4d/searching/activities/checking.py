@@ -30,7 +30,7 @@ def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> N
                 check_term(term, names, predicates)
         for relation in activity.relations:
             check_relation(relation, [phase.name for phase in activity.phases])
-        check_use(activity)
+        _check_use(activity)
     except InputError as error:
         raise InputError(f"activity {activity.name!r}: {error}") from None
 
@@ -67,7 +67,7 @@ def check_relation(relation: Relation, phases: Collection[str]) -> None:
         raise InputError(f"relation: {relation.first!r} is related to itself")
 
 
-def check_use(activity: Activity) -> None:
+def _check_use(activity: Activity) -> None:
     """Raise :class:`InputError` for a role of which nothing is said."""
     used = {role for phase in activity.phases for term in phase.terms for role in term.roles}
     for role in activity.roles:

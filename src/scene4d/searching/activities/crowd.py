@@ -9,7 +9,7 @@ from scene4d.searching.activities.meeting import BOUND_SIGMA, Clock, meetings
 from scene4d.searching.predicates.distance import near_probability
 from scene4d.searching.predicates.rows import Rows, Stage
 
-SOFTNESS_M = 0.5
+_SOFTNESS_M = 0.5
 """How vague a crowd's radius is."""
 _CLOCKS: "weakref.WeakKeyDictionary[Stage, Clock]" = weakref.WeakKeyDictionary()
 
@@ -26,7 +26,7 @@ def crowded(a: Rows, *, count: float, radius_m: float) -> Float[np.ndarray, "m"]
     mine = np.unique(a.index[clock.used[a.index]])
     others = np.flatnonzero(np.isin(kind, np.unique(kind[mine])) & clock.used)
     # Wide enough for every spread: the boxes grow by the positions' own.
-    reach = radius_m + BOUND_SIGMA * SOFTNESS_M
+    reach = radius_m + BOUND_SIGMA * _SOFTNESS_M
     row_a, row_b = meetings(clock, mine, others, reach_m=reach)
     same = kind[row_a] == kind[row_b]
     row_a, row_b = row_a[same], row_b[same]
@@ -55,7 +55,7 @@ def _within(
     p = near_probability(
         distance,
         tau_m=float(radius_m),
-        sigma_m=SOFTNESS_M,
+        sigma_m=_SOFTNESS_M,
         distance_sigma_m=np.sqrt(np.maximum(variance, 0.0)),
     )
     return np.nan_to_num(p)

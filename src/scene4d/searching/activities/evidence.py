@@ -14,10 +14,10 @@ from scene4d.searching.predicates.rows import Stage
 
 FLOOR = 0.01
 """A statement that is denied for one moment may be a slip of the tracker: no moment counts less."""
-UNJUDGED = 0.5
+_UNJUDGED = 0.5
 """Where a predicate cannot be judged (NaN), nothing is known: the statement is a coin toss."""
 
-BLOCK = 1 << 17
+_BLOCK = 1 << 17
 """Rows that a predicate is given at a time, so that what it gathers stays small."""
 
 _Atom = tuple[str, tuple[View, ...], tuple[tuple[str, float | str], ...]]
@@ -56,7 +56,7 @@ def gather(
         values = _judge(stage, frames, atom, predicates)
         judged[atom] = values
         for phase, negated in uses:
-            log_p[phase] += log_probability(values, negated)
+            log_p[phase] += _log_probability(values, negated)
             unjudged[phase] += np.isnan(values)
         if len(frames) == 0:
             continue
@@ -69,7 +69,7 @@ def gather(
     # A moment at which nothing of a phase can be judged does not speak for it.
     count = np.array([len(phase.terms) for phase in activity.phases])
     nothing = unjudged == count[:, None]
-    log_judged = np.where(nothing, np.log(FLOOR), log_p - unjudged * np.log(UNJUDGED))
+    log_judged = np.where(nothing, np.log(FLOOR), log_p - unjudged * np.log(_UNJUDGED))
     log_p = np.where(nothing, np.log(FLOOR), log_p)
     terms = tuple(
         tuple(
@@ -80,12 +80,12 @@ def gather(
     return Evidence(frames, log_p, log_judged, terms)
 
 
-def log_probability(
+def _log_probability(
     values: Float[np.ndarray, "n"], negated: bool = False
 ) -> Float[np.ndarray, "n"]:
     """Logarithm of a term's probabilities, floored, and of a coin toss where they are NaN."""
     p = 1 - values if negated else values
-    return np.log(np.where(np.isnan(p), UNJUDGED, np.maximum(p, FLOOR)))
+    return np.log(np.where(np.isnan(p), _UNJUDGED, np.maximum(p, FLOOR)))
 
 
 def _plan(activity: Activity) -> list[tuple[_Atom, list[tuple[int, bool]]]]:
@@ -134,8 +134,8 @@ def _call(
 ) -> Float[np.ndarray, "n"]:
     n = len(rows[0])
     out = np.empty(n)
-    for begin in range(0, n, BLOCK):
-        block = slice(begin, begin + BLOCK)
+    for begin in range(0, n, _BLOCK):
+        block = slice(begin, begin + _BLOCK)
         out[block] = predicate.function(*(stage.rows(row[block]) for row in rows), **parameters)
     return np.clip(out, 0.0, 1.0)
 
@@ -144,7 +144,7 @@ def phase_value(values: Float[np.ndarray, "n"]) -> float:
     """Geometric mean of a term over some moments, as it enters the score; NaN where all are."""
     if np.isnan(values).all():
         return float("nan")
-    return float(np.exp(log_probability(values).mean()))
+    return float(np.exp(_log_probability(values).mean()))
 
 
 def steps(phase: Phase, step_s: float) -> tuple[int, int | None, int]:

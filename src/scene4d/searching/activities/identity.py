@@ -12,11 +12,11 @@ from scene4d.searching.activities.meeting import meetings
 from scene4d.searching.activities.ragged import runs
 from scene4d.searching.predicates.rows import Factors, Stage
 
-SAME_BOX = 0.6
+_SAME_BOX = 0.6
 """Overlap (intersection over union) of two boxes from which they are around one thing."""
-SAME_SHARE = 0.7
+_SAME_SHARE = 0.7
 """Share of two tracks' common moments at which their boxes must be."""
-RESUMED_S = 1.0
+_RESUMED_S = 1.0
 """Longest time after which a track may be taken up by another."""
 
 
@@ -38,7 +38,7 @@ def unite_tracks(stage: Stage) -> Stage:
     """The stage with one track for each object that has several.
 
     Two tracks of one class are one object where their boxes coincide at most of their common
-    moments, or where one begins within :data:`RESUMED_S` in the box in which the other ended.
+    moments, or where one begins within :data:`_RESUMED_S` in the box in which the other ended.
     A united track has the smallest number of its parts, and at each moment the row of the part that
     has most rows. Annotations that draw an actor anew for every activity need this.
     """
@@ -73,10 +73,10 @@ def _coinciding(stage: Stage) -> Int[np.ndarray, "p 2"]:
     a, b = a[keep], b[keep]
     if len(a) == 0:
         return np.zeros((0, 2), np.int64)
-    same = _overlap(stage.tracks.box_xyxy[a], stage.tracks.box_xyxy[b]) >= SAME_BOX
+    same = _overlap(stage.tracks.box_xyxy[a], stage.tracks.box_xyxy[b]) >= _SAME_BOX
     first = runs(of[a], of[b])
     share = np.add.reduceat(same.astype(float), first) / np.diff(np.append(first, len(a)))
-    hit = first[share >= SAME_SHARE]
+    hit = first[share >= _SAME_SHARE]
     return np.column_stack([of[a[hit]], of[b[hit]]])
 
 
@@ -87,12 +87,12 @@ def _resumed(stage: Stage) -> Int[np.ndarray, "p 2"]:
     order = np.argsort(tracks.time_s[begin], kind="stable")
     starts = tracks.time_s[begin][order]
     low = np.searchsorted(starts, tracks.time_s[end], side="right")
-    high = np.searchsorted(starts, tracks.time_s[end] + RESUMED_S, side="right")
+    high = np.searchsorted(starts, tracks.time_s[end] + _RESUMED_S, side="right")
     first = np.repeat(np.arange(len(end)), high - low)
     position = np.arange(len(first)) - np.repeat(np.cumsum(high - low) - (high - low), high - low)
     second = order[low[first] + position]
     same = tracks.class_name[end[first]] == tracks.class_name[begin[second]]
-    near = _overlap(tracks.box_xyxy[end[first]], tracks.box_xyxy[begin[second]]) >= SAME_BOX
+    near = _overlap(tracks.box_xyxy[end[first]], tracks.box_xyxy[begin[second]]) >= _SAME_BOX
     keep = same & near & (first != second)
     return np.column_stack([first[keep], second[keep]])
 

@@ -7,7 +7,7 @@ from scene4d.searching.activities.crowd import crowded
 from scene4d.searching.predicates.registry import PREDICATES as OF_ONE_OR_TWO
 from scene4d.searching.predicates.registry import Parameter, Predicate
 
-CROWDED = Predicate(
+_CROWDED = Predicate(
     name="crowded",
     arity=1,
     parameters={
@@ -18,5 +18,5 @@ CROWDED = Predicate(
     summary="at least count of its kind, itself among them, are within radius_m",
 )
 
-PREDICATES: Mapping[str, Predicate] = MappingProxyType({**OF_ONE_OR_TWO, "crowded": CROWDED})
+PREDICATES: Mapping[str, Predicate] = MappingProxyType({**OF_ONE_OR_TWO, "crowded": _CROWDED})
 """Those of :mod:`scene4d.searching.predicates`, and those that look at everybody."""

@@ -1,6 +1,6 @@
 """Which moments of two kinds of objects come close: by time first, then by place, never all pairs.
 
-Tracks are cut at common times into pieces of :data:`PIECE` moments with a bounding box each. Two
+Tracks are cut at common times into pieces of :data:`_PIECE` moments with a bounding box each. Two
 pieces can only meet where their times are the same, which sorting tells, and their boxes are within
 reach, which a sweep along x tells. Only moments of such pieces are ever paired.
 """
@@ -15,11 +15,11 @@ from scene4d.core.errors import InputError
 from scene4d.searching.activities.ragged import expand, runs
 from scene4d.searching.predicates.rows import Stage
 
-PIECE = 32
+_PIECE = 32
 """Moments of a piece: few enough for a small box, many enough to be few pieces."""
 BOUND_SIGMA = 2.4
 """Standard deviations by which a box grows: P(near) is below 0.01 behind them."""
-MOST_SPREAD_M = 10.0
+_MOST_SPREAD_M = 10.0
 """A box grows by no more: what stands so vaguely is near nothing in particular."""
 
 _STANDS_MPS = 0.5
@@ -106,7 +106,7 @@ def meetings(
 
     ``a`` and ``b`` are ascending rows in use (:attr:`Clock.used`); a track does not meet itself
     unless there is a lag. The pairs are ordered by (track of a, track of b, moment). Rows of a
-    piece of :data:`PIECE` moments come all or none, so some that are further apart come too.
+    piece of :data:`_PIECE` moments come all or none, so some that are further apart come too.
     """
     none = np.zeros(0, np.int64)
     if len(a) == 0 or len(b) == 0:
@@ -178,12 +178,12 @@ class _Pieces:
 def _pieces(clock: Clock, rows: Int[np.ndarray, "n"], lag: int) -> _Pieces:
     """Pieces of the rows; without positions their box is empty, and nothing meets it."""
     track = clock.stage.track_of_row[rows]
-    window = (clock.tick[rows] + lag) // PIECE
+    window = (clock.tick[rows] + lag) // _PIECE
     first = runs(track, window)
     count = np.diff(np.append(first, len(rows)))
     tracks = clock.stage.tracks
     variance = tracks.covariance_m2[:, 0, 0][rows] + tracks.covariance_m2[:, 1, 1][rows]
-    spread = np.fmin(BOUND_SIGMA * np.sqrt(np.maximum(variance, 0)), MOST_SPREAD_M)
+    spread = np.fmin(BOUND_SIGMA * np.sqrt(np.maximum(variance, 0)), _MOST_SPREAD_M)
     # Column by column: along rows of two, a reduction takes ten times as long.
     xy = [tracks.xy_m[:, axis][rows] for axis in (0, 1)]
     low = np.column_stack([np.fmin.reduceat(x - spread, first) for x in xy])
@@ -231,7 +231,7 @@ def _with_neighbours(
     pieces: _Pieces, i: Int[np.ndarray, "p"], track_b: Int[np.ndarray, "p"], margin: int
 ) -> tuple[Int[np.ndarray, "w"], Int[np.ndarray, "w"]]:
     """Pieces of ``a`` with a track of ``b``, and those up to ``margin`` moments around; ordered."""
-    around = min(-(-margin // PIECE), len(pieces.track))
+    around = min(-(-margin // _PIECE), len(pieces.track))
     if around:
         key = _window_key(pieces, pieces.track, pieces.window)
         track, window = pieces.track[i], pieces.window[i]

@@ -10,7 +10,7 @@ from scene4d.searching.activities.definition import Term
 from scene4d.searching.predicates.registry import Parameter, Predicate
 from scene4d.searching.predicates.relation import SIDES
 
-LAG = "lag_s"
+_LAG = "lag_s"
 """Parameter of any term: its last role is looked at so much earlier; infinite: any time before."""
 
 _NAME = r"[A-Za-z_][\w-]*"
@@ -64,7 +64,7 @@ def parse_term(text: str, predicates: Mapping[str, Predicate]) -> Term:
         elif key in parameters:
             raise InputError(f"{text!r}: {key} is given twice")
         else:
-            unit = "s" if key == LAG else _parameter(key, predicate).unit
+            unit = "s" if key == _LAG else _parameter(key, predicate).unit
             parameters[key] = _value(f"{name}: {key}", value, unit)
     return Term(name, tuple(roles), parameters, bool(negated))
 
@@ -93,9 +93,9 @@ def check_term(term: Term, roles: Iterable[str], predicates: Mapping[str, Predic
     if len(set(term.roles)) < len(term.roles):
         raise InputError(f"{term.predicate}: the role {term.roles[0]!r} twice")
     for key, value in term.parameters.items():
-        if key == LAG:
+        if key == _LAG:
             if isinstance(value, str) or not value >= 0:
-                raise InputError(f"{term.predicate}: {LAG} must not be negative, found {value!r}")
+                raise InputError(f"{term.predicate}: {_LAG} must not be negative, found {value!r}")
         else:
             _check_value(term.predicate, key, value, _parameter(key, predicate))
     for key, parameter in predicate.parameters.items():
@@ -105,7 +105,7 @@ def check_term(term: Term, roles: Iterable[str], predicates: Mapping[str, Predic
 
 def lag_of(term: Term) -> float:
     """How much earlier the last role is looked at, seconds."""
-    return float(term.parameters.get(LAG, 0.0))
+    return float(term.parameters.get(_LAG, 0.0))
 
 
 def value_of(term: Term, name: str, predicates: Mapping[str, Predicate]) -> float:
@@ -117,7 +117,7 @@ def value_of(term: Term, name: str, predicates: Mapping[str, Predicate]) -> floa
 
 def arguments(term: Term) -> dict[str, float | str]:
     """What is given to the predicate's function."""
-    return {key: value for key, value in term.parameters.items() if key != LAG}
+    return {key: value for key, value in term.parameters.items() if key != _LAG}
 
 
 def places_of(
@@ -141,7 +141,7 @@ def _known(name: str, predicates: Mapping[str, Predicate]) -> Predicate:
 
 def _parameter(key: str, predicate: Predicate) -> Parameter:
     if key not in predicate.parameters:
-        known = [*predicate.parameters, LAG]
+        known = [*predicate.parameters, _LAG]
         raise InputError(f"{predicate.name}: no parameter {key!r}{nearest(key, known)}")
     return predicate.parameters[key]
 

@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from scene4d.searching.language.words import refuse
 
-MOST = 10**9
+_MOST = 10**9
 """No distance, duration or speed is larger, in metres and seconds."""
 
 
@@ -37,7 +37,7 @@ def amount_of(kind: str, parts: Sequence[Fraction], text: str, span: tuple[int, 
     """
     total = sum((n * u for n, u in zip(parts[::2], parts[1::2], strict=True)), Fraction(0))
     said = text[slice(*span)]
-    if total > MOST:
+    if total > _MOST:
         raise refuse(text, span[0], f'"{said}" is too much for a {kind}')
     if float(total) == 0:
         raise refuse(text, span[0], f'"{said}": a {kind} must be more than nothing')

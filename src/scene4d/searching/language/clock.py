@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from scene4d.searching.language.sentences import Clock
 from scene4d.searching.language.words import refuse
 
-DAY_S = 86400.0
+_DAY_S = 86400.0
 _CLOCK = re.compile(
     r"(?P<hour>\d{1,2})(?::(?P<minute>\d{2}))?(?::(?P<second>\d{2}))?\s*(?P<half>[ap])?\.?m?\.?",
     re.IGNORECASE,
@@ -25,7 +25,7 @@ class Window:
 
     def contains(self, second_of_day: float) -> bool:
         """Whether a time of day lies in it."""
-        second = second_of_day % DAY_S
+        second = second_of_day % _DAY_S
         if self.begin_s < self.end_s:
             return self.begin_s <= second < self.end_s
         return second >= self.begin_s or second < self.end_s
@@ -67,14 +67,14 @@ def window_of(clocks: Sequence[Clock], text: str, at_s: float, notes: list[str])
         raise refuse(text, clocks[1].span[0], "a second time of day; one search asks for one")
     clock = clocks[0]
     if clock.at is not None:
-        window = Window((clock.at - at_s) % DAY_S, (clock.at + at_s) % DAY_S)
+        window = Window((clock.at - at_s) % _DAY_S, (clock.at + at_s) % _DAY_S)
         notes.append(f'"{_said(clock, text)}" is taken as {window}')
     else:
         begin = 0.0 if clock.begin is None else clock.begin
-        end = DAY_S if clock.end is None else clock.end
+        end = _DAY_S if clock.end is None else clock.end
         if begin == end:
             raise refuse(text, clock.span[0], f'"{_said(clock, text)}" holds no time')
-        window = Window(begin % DAY_S, end)
+        window = Window(begin % _DAY_S, end)
     if window.begin_s >= window.end_s:
         notes.append(f"the time of day {window} goes over midnight")
     return window

@@ -14,7 +14,7 @@ from scene4d.searching.language.saying import Saying, with_distance
 from scene4d.searching.language.sentences import Bound, Clause, Done, Lasting, Noun, Place, Said
 from scene4d.searching.language.words import refuse
 
-Filled = dict[str, Noun | str]
+_Filled = dict[str, Noun | str]
 """Who plays a role: a noun, or the name of somebody known."""
 
 
@@ -69,11 +69,11 @@ class Doing:
 
     # Who ------------------------------------------------------------------------------------------
 
-    def _filled(self, spoken: Spoken, clause: Clause, done: Done, discourse: Discourse) -> Filled:
+    def _filled(self, spoken: Spoken, clause: Clause, done: Done, discourse: Discourse) -> _Filled:
         """Who plays which role, as far as it is said."""
         given: list[Noun | str] = list(done.nouns)
         slots = list(spoken.slots)
-        filled: Filled = {}
+        filled: _Filled = {}
         roles = list(spoken.roles)
         if spoken.has_subject:
             subjects: Sequence[Noun | str] = nouns_of(clause.subject) or discourse.subject
@@ -137,7 +137,7 @@ class Doing:
                 )
 
     def _bound(
-        self, spoken: Spoken, filled: Filled, discourse: Discourse
+        self, spoken: Spoken, filled: _Filled, discourse: Discourse
     ) -> tuple[dict[str, str], Discourse]:
         """The name of everybody who has a role; those who are new come in the activity's order."""
         activity = spoken.activity
@@ -298,7 +298,7 @@ def _kind(role: Role) -> str:
     return "person" if "person" in role.classes else "vehicle"
 
 
-def _order(role: Role, filled: Filled) -> tuple[int, int]:
+def _order(role: Role, filled: _Filled) -> tuple[int, int]:
     """Those of whom something is said come first, in the order of the words."""
     who = filled.get(role.name)
     if isinstance(who, str):

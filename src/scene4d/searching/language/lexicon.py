@@ -8,7 +8,7 @@ from importlib.resources import files
 
 import yaml
 
-VERB_BEFORE_NOUN = ("VERB", "AUX", "NOUN", "ADJ", "ADV")
+_VERB_BEFORE_NOUN = ("VERB", "AUX", "NOUN", "ADJ", "ADV")
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def base_forms(word: str) -> tuple[str, ...]:
     from lemminflect import getAllLemmas  # type: ignore[import-untyped]  # slow to load
 
     found = getAllLemmas(word)
-    ordered = [form for part in VERB_BEFORE_NOUN for form in found.get(part, ())]
+    ordered = [form for part in _VERB_BEFORE_NOUN for form in found.get(part, ())]
     return tuple(dict.fromkeys(form for form in ordered if form != word))
 
 

@@ -36,7 +36,7 @@ class Spoken:
 
 PEOPLE = "people"
 """The noun that is a plural by itself."""
-Piece = str | Slot
+_Piece = str | Slot
 """A word, a slot, or a place such as ``{zone}``."""
 
 
@@ -59,7 +59,7 @@ class PhraseReader:
         articles = {word for words in lexicon.articles.values() for word in words}
         self._silent = articles | set(lexicon.sets["auxiliary"]) | {"be", "do", "have"}
 
-    def read(self, activity: Activity, phrase: str) -> Iterator[tuple[Spoken, list[Piece]]]:
+    def read(self, activity: Activity, phrase: str) -> Iterator[tuple[Spoken, list[_Piece]]]:
         """What the phrase says, with its words after the subject.
 
         A phrase in the passive is also said with "by" and whoever does it. Raises
@@ -80,9 +80,9 @@ class PhraseReader:
             roles = _roles_of(activity, phrase, slots)
             yield Spoken(activity, slots, roles, has_subject), rest
 
-    def _pieces(self, phrase: str) -> tuple[bool, list[Piece]]:
+    def _pieces(self, phrase: str) -> tuple[bool, list[_Piece]]:
         """Words and slots; articles and auxiliaries say nothing and are left out."""
-        pieces: list[Piece] = []
+        pieces: list[_Piece] = []
         adjectives: list[str] = []
         pair = passive = False
         words = [word.value for word in read_words(phrase, self._vocabulary)]
@@ -105,7 +105,7 @@ class PhraseReader:
             raise InputError(f'the phrase "{phrase}" says nothing')
         return passive, pieces
 
-    def ways(self, rest: Sequence[Piece]) -> Iterator[tuple[str, ...]]:
+    def ways(self, rest: Sequence[_Piece]) -> Iterator[tuple[str, ...]]:
         """All ways to say these words, as symbols of the grammar; a plain word is ``<word>``."""
         if not rest:
             yield ()
@@ -133,7 +133,7 @@ class PhraseReader:
                 verb, particle = words.split()
                 yield (f"<{verb}>", tail[0], f"<{particle}>", *tail[1:])
 
-    def _sets_at(self, rest: tuple[Piece, ...]) -> list[tuple[str, int]]:
+    def _sets_at(self, rest: tuple[_Piece, ...]) -> list[tuple[str, int]]:
         """Sets of synonyms that begin here, with how many words they take: the longest only."""
         found: dict[tuple[str, int], None] = {}
         sets = [(f"v_{name}", s.words, s.before) for name, s in self._lexicon.verbs.items()]
@@ -145,7 +145,7 @@ class PhraseReader:
         longest = max((length for _, length in found), default=0)
         return [item for item in found if item[1] == longest]
 
-    def _fits(self, rest: tuple[Piece, ...], before: Sequence[str]) -> bool:
+    def _fits(self, rest: tuple[_Piece, ...], before: Sequence[str]) -> bool:
         if not before:
             return True
         if not rest:

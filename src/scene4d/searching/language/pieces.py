@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from scene4d.searching.activities.definition import Phase, Relation, Term
 from scene4d.searching.activities.terms import term_text
 
-INFINITE = float("inf")
+_INFINITE = float("inf")
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def state(
     """Terms that hold together, for as long as was said, else as is assumed."""
     terms = distinct(terms)
     least = assumed["instant_min_s" if is_instant else "state_min_s"]
-    most = assumed["instant_max_s"] if is_instant else INFINITE
+    most = assumed["instant_max_s"] if is_instant else _INFINITE
     if least_s is not None:
         least = least_s
     elif most_s is not None:
@@ -73,7 +73,7 @@ def distinct(terms: tuple[Term, ...]) -> tuple[Term, ...]:
 
 def in_order(first: Piece, second: Piece, pause_s: float) -> Piece:
     """One, then the other after a pause of at most ``pause_s``."""
-    second = renamed(second, {phase.name for phase in first.phases})
+    second = _renamed(second, {phase.name for phase in first.phases})
     opening = replace(second.phases[0], gap_s=pause_s)
     return Piece(
         (*first.phases, opening, *second.phases[1:]),
@@ -83,7 +83,7 @@ def in_order(first: Piece, second: Piece, pause_s: float) -> Piece:
     )
 
 
-def renamed(piece: Piece, taken: set[str]) -> Piece:
+def _renamed(piece: Piece, taken: set[str]) -> Piece:
     """With names of phases that are not taken."""
     names: dict[str, str] = {}
     for phase in piece.phases:
@@ -108,7 +108,7 @@ def throughout(event: Piece, terms: tuple[Term, ...]) -> Piece:
 
 def during(event: Piece, lasting: Piece) -> Piece:
     """An event within a state that lasts on its own."""
-    lasting = renamed(lasting, {phase.name for phase in event.phases})
+    lasting = _renamed(lasting, {phase.name for phase in event.phases})
     name = lasting.phases[0].name
     relations = tuple(Relation(phase.name, "during", name) for phase in event.phases)
     return Piece(

@@ -10,7 +10,7 @@ from scene4d.searching.language.referents import Discourse
 from scene4d.searching.language.sentences import Bound, Clause, Lasting, Noun, Said
 from scene4d.searching.language.words import refuse
 
-DISTANCE = "tau_m"
+_DISTANCE = "tau_m"
 
 
 @dataclass(frozen=True)
@@ -186,7 +186,7 @@ def with_distance(terms: tuple[Term, ...], bound_: Bound, text: str) -> tuple[Te
     """
     predicate = "near" if bound_.is_within else "far"
     changed = tuple(
-        replace(term, parameters={**term.parameters, DISTANCE: bound_.metres})
+        replace(term, parameters={**term.parameters, _DISTANCE: bound_.metres})
         if term.predicate == predicate
         else term
         for term in terms

@@ -8,10 +8,10 @@ from difflib import get_close_matches
 from scene4d.core.errors import InputError
 from scene4d.searching.language.lexicon import Lexicon, base_forms
 
-MOST_WORDS = 60
+_MOST_WORDS = 60
 """A longer search is a text; and this bounds the time that a parse may take."""
 
-MOST_DIGITS = 20
+_MOST_DIGITS = 20
 """A longer number is a mistake."""
 
 _TOKEN = re.compile(
@@ -68,7 +68,7 @@ def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
     """Tokens of a search in their order.
 
     Raises :class:`InputError` for a word that is not known (with the nearest ones), a sign that
-    means nothing here, an empty text, and one of more than :data:`MOST_WORDS`.
+    means nothing here, an empty text, and one of more than :data:`_MOST_WORDS`.
     """
     found: list[Word] = []
     at = 0
@@ -85,9 +85,10 @@ def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
         at = match.end()
     if not found:
         raise InputError('search: it is empty; say for example "person enters vehicle"')
-    if len(found) > MOST_WORDS:
+    if len(found) > _MOST_WORDS:
         raise InputError(
-            f"search: {len(found)} words, at most {MOST_WORDS} are read; say it in several searches"
+            f"search: {len(found)} words, at most {_MOST_WORDS} are read; "
+            "say it in several searches"
         )
     return found
 
@@ -110,8 +111,8 @@ def _words_of(match: re.Match, text: str, vocabulary: Vocabulary) -> list[Word]:
         followed = text[end : end + 1].casefold() == "n" and text[end + 1 : end + 2] in "'’"
         whole = _SHORTENED.get(surface.casefold(), surface) if followed else surface
         return _known(whole, text, (start, end), vocabulary)
-    if kind == "number" and len(surface) > MOST_DIGITS:
-        raise refuse(text, start, f"a number of more than {MOST_DIGITS} digits")
+    if kind == "number" and len(surface) > _MOST_DIGITS:
+        raise refuse(text, start, f"a number of more than {_MOST_DIGITS} digits")
     return [Word(kind, surface, start, end, surface)]
 
 

@@ -15,11 +15,11 @@ from scene4d.searching.pages.look import role_colours
 
 CLIP_PX = 400
 """Longest side of a clip."""
-LEAST_PX = 96
+_LEAST_PX = 96
 """Less of the footage is never cut out: who is small is shown with what is about them."""
-MARGIN = 0.35
+_MARGIN = 0.35
 _QUALITY, _STILL_QUALITY = "27", 80
-Region = tuple[int, int, int, int]
+_Region = tuple[int, int, int, int]
 """x1, y1, x2, y2 in pixels of the footage; x2 and y2 are outside."""
 
 
@@ -40,7 +40,7 @@ class Clip:
     faster: float = 1.0
 
 
-def crop_region(around: Tracks | None, event: Event, image_size: tuple[int, int]) -> Region | None:
+def crop_region(around: Tracks | None, event: Event, image_size: tuple[int, int]) -> _Region | None:
     """What of the picture holds every role during an event, with a margin; None where none has a
     box.
     """
@@ -53,8 +53,8 @@ def crop_region(around: Tracks | None, event: Event, image_size: tuple[int, int]
     if not len(boxes):
         return None
     low, high = boxes[:, :2].min(axis=0), boxes[:, 2:].max(axis=0)
-    middle, size = (low + high) / 2, (high - low) * (1 + 2 * MARGIN)
-    size = np.maximum(size, LEAST_PX)
+    middle, size = (low + high) / 2, (high - low) * (1 + 2 * _MARGIN)
+    size = np.maximum(size, _LEAST_PX)
     # Neither a ribbon nor a column: the shorter side is at least 0.6 of the longer.
     size = np.minimum(np.maximum(size, 0.6 * size.max()), image_size)
     corner = np.clip(middle - size / 2, 0, np.array(image_size) - size)
@@ -65,7 +65,7 @@ def crop_region(around: Tracks | None, event: Event, image_size: tuple[int, int]
 
 def cut_out(
     image_bgr: UInt8[np.ndarray, "h w 3"],
-    region: Region,
+    region: _Region,
     boxes: Mapping[str, Float[np.ndarray, "4"] | None],
 ) -> UInt8[np.ndarray, "i j 3"]:
     """A region of a frame at the size of a clip (even sides), with the roles' boxes drawn."""

@@ -13,7 +13,7 @@ from scene4d.searching.pages.clip import Clip, jpeg, mp4, stills
 from scene4d.searching.pages.look import role_colours
 from scene4d.searching.pages.why import why_groups
 
-STILL_PX = 150
+_STILL_PX = 150
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ def _pictures(clip: Clip | None) -> dict[str, object]:
         "size": (width, height),
         "poster": _uri("image/jpeg", jpeg(middle, width)),
         "stills": [
-            (_uri("image/jpeg", jpeg(crop, STILL_PX)), f"{crop.time_s:+.1f} s")
+            (_uri("image/jpeg", jpeg(crop, _STILL_PX)), f"{crop.time_s:+.1f} s")
             for crop in stills(clip)
         ],
         "faster": f"{clip.faster:g} times as fast as it was" if clip.faster > 1.05 else "",

@@ -17,9 +17,9 @@ from scene4d.searching.activities.events import Event
 from scene4d.searching.pages.look import role_colours
 
 WIDTH_IN, DPI = 4.3, 150
-LEAST_M = 6.0
+_LEAST_M = 6.0
 """The plot spans at least so much."""
-TIMES = "viridis"
+_TIMES = "viridis"
 _STANDS_M = 0.4
 
 
@@ -72,7 +72,7 @@ def _within(tracks: Tracks, event: Event) -> np.ndarray:
 def _area(xy: Float[np.ndarray, "n 2"]) -> Area:
     """A square about the event."""
     middle = (xy.min(axis=0) + xy.max(axis=0)) / 2
-    half = max(LEAST_M, 1.35 * float(np.ptp(xy, axis=0).max())) / 2
+    half = max(_LEAST_M, 1.35 * float(np.ptp(xy, axis=0).max())) / 2
     (x0, y0), (x1, y1) = middle - half, middle + half
     return Area(float(x0), float(x1), float(y0), float(y1))
 
@@ -132,7 +132,7 @@ def _role(axes: Axes, rows: Tracks, event: Event, colour: str) -> None:
         return
     axes.plot(*xy.T, color=colour, lw=6.5, solid_capstyle="round", zorder=3)
     pieces = np.stack([xy[:-1], xy[1:]], axis=1)
-    timed = LineCollection(list(pieces), cmap=TIMES, linewidths=2.6, zorder=4)
+    timed = LineCollection(list(pieces), cmap=_TIMES, linewidths=2.6, zorder=4)
     timed.set_array((now.time_s[:-1] + now.time_s[1:]) / 2)
     timed.set_clim(event.begin_s, max(event.end_s, event.begin_s + 1e-3))
     axes.add_collection(timed)
@@ -147,7 +147,7 @@ def _time_bar(fig: Figure, axes: Axes, event: Event) -> None:
     box = axes.get_position()
     bar = fig.add_axes((box.x1 + 0.02, box.y0, 0.025, box.height))
     seconds = max(event.end_s - event.begin_s, 1e-3)
-    drawn = fig.colorbar(ScalarMappable(Normalize(0, seconds), TIMES), cax=bar)
+    drawn = fig.colorbar(ScalarMappable(Normalize(0, seconds), _TIMES), cax=bar)
     drawn.set_label("s from the begin", fontsize=style.SMALL, color=style.INK, labelpad=2)
     drawn.ax.tick_params(labelsize=style.SMALL, colors=style.INK, length=2)
     drawn.outline.set_edgecolor(style.FAINT)  # type: ignore[operator]

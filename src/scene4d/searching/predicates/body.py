@@ -8,14 +8,14 @@ from scene4d.searching.predicates.gaussian import above
 from scene4d.searching.predicates.rows import Rows
 from scene4d.searching.predicates.turning import window
 
-ARM_MPS = 0.4
-ARM_SIGMA_MPS = 0.2
-ARM_WINDOW_S = 0.6
-LEAST_SCORE = 0.3
+_ARM_MPS = 0.4
+_ARM_SIGMA_MPS = 0.2
+_ARM_WINDOW_S = 0.6
+_LEAST_SCORE = 0.3
 """Keypoints with a lower score are not there."""
-KEYPOINT_SHARE = 0.02
+_KEYPOINT_SHARE = 0.02
 """Spread of a keypoint, as a share of the body's length in the picture."""
-TORSO_SHARE = 0.29
+_TORSO_SHARE = 0.29
 """From the hips to the shoulders, as a share of the body's height."""
 _MOST_ROWS = 15
 
@@ -23,9 +23,9 @@ _MOST_ROWS = 15
 def arm_moving_up(
     a: Rows,
     *,
-    speed_mps: float = ARM_MPS,
-    window_s: float = ARM_WINDOW_S,
-    sigma_mps: float = ARM_SIGMA_MPS,
+    speed_mps: float = _ARM_MPS,
+    window_s: float = _ARM_WINDOW_S,
+    sigma_mps: float = _ARM_SIGMA_MPS,
 ) -> Float[np.ndarray, "m"]:
     """P(a wrist rises): faster than ``speed_mps`` against its shoulder, along the body.
 
@@ -44,9 +44,9 @@ def arm_moving_up(
 def arm_moving_down(
     a: Rows,
     *,
-    speed_mps: float = ARM_MPS,
-    window_s: float = ARM_WINDOW_S,
-    sigma_mps: float = ARM_SIGMA_MPS,
+    speed_mps: float = _ARM_MPS,
+    window_s: float = _ARM_WINDOW_S,
+    sigma_mps: float = _ARM_SIGMA_MPS,
 ) -> Float[np.ndarray, "m"]:
     """P(a wrist sinks): :func:`arm_moving_up` with the opposite sign."""
     return _arms(a, -1.0, speed_mps, window_s, sigma_mps)
@@ -75,14 +75,14 @@ def _arms(a: Rows, sign: float, speed_mps: float, window_s: float, sigma_mps: fl
 def _elevations(rows: Rows) -> np.ndarray:
     """Metres (m, 2) of the left and right wrist over their shoulders; NaN where not seen."""
     uv, score = rows.keypoint_uv, rows.keypoint_score
-    uv = np.where((score >= LEAST_SCORE)[:, :, None], uv, np.nan)
+    uv = np.where((score >= _LEAST_SCORE)[:, :, None], uv, np.nan)
 
     def point(*names: str) -> np.ndarray:
         found = uv[:, [HALPE26.index(name) for name in names]]
         return found.sum(axis=1) / len(names)
 
     hips, shoulders = point("left_hip", "right_hip"), point("left_shoulder", "right_shoulder")
-    torso = (shoulders - hips) / TORSO_SHARE
+    torso = (shoulders - hips) / _TORSO_SHARE
     feet, top = point("left_ankle", "right_ankle"), point("head_top")
     # From the ankles to the top of the head are 95 % of a person.
     whole = (top - feet) / 0.95
@@ -104,7 +104,7 @@ def _slope(time: np.ndarray, value: np.ndarray, known: np.ndarray) -> tuple[np.n
         off = np.where(known, time - mean[:, None], 0.0)
         spread = (off**2).sum(axis=1)
         rate = (off * value).sum(axis=1) / spread
-        one = 2 * (KEYPOINT_SHARE * PERSON_HEIGHT_M) ** 2
+        one = 2 * (_KEYPOINT_SHARE * PERSON_HEIGHT_M) ** 2
         variance = one / spread
     bad = (n < 2) | (spread == 0)
     return np.where(bad, np.nan, rate), np.where(bad, np.nan, variance)

@@ -13,8 +13,8 @@ NEAR_TAU_M = 4.0
 NEAR_SIGMA_M = 1.0
 """Softness of the word "near"; the paper gives none, and 1 m is about its own position error."""
 
-SAME_PLACE_M = 1.5
-SAME_PLACE_SIGMA_M = 0.5
+_SAME_PLACE_M = 1.5
+_SAME_PLACE_SIGMA_M = 0.5
 
 
 def near(
@@ -38,7 +38,7 @@ def far(
 
 
 def same_place(
-    a: Rows, b: Rows, *, tau_m: float = SAME_PLACE_M, sigma_m: float = SAME_PLACE_SIGMA_M
+    a: Rows, b: Rows, *, tau_m: float = _SAME_PLACE_M, sigma_m: float = _SAME_PLACE_SIGMA_M
 ) -> Float[np.ndarray, "m"]:
     """P(a and b stand in one place): :func:`near` within a step. The rows may be of different
     times: where something stood is where the caller aligns it.

@@ -16,13 +16,13 @@ from scene4d.core.errors import InputError
 from scene4d.searching.predicates.gaussian import above, form, turned
 from scene4d.searching.predicates.rows import Rows
 
-INSIDE_SIGMA_M = 0.2
-CROSSING_SIGMA_M = 0.2
-CROSSING_WINDOW_S = 1.0
+_INSIDE_SIGMA_M = 0.2
+_CROSSING_SIGMA_M = 0.2
+_CROSSING_WINDOW_S = 1.0
 _BLOCK = 1 << 14
 
 
-def inside(a: Rows, *, zone: str, sigma_m: float = INSIDE_SIGMA_M) -> Float[np.ndarray, "m"]:
+def inside(a: Rows, *, zone: str, sigma_m: float = _INSIDE_SIGMA_M) -> Float[np.ndarray, "m"]:
     """P(a stands in the zone).
 
     ``Φ(s / √(σ² + nᵀ C n))`` with the signed distance s to the nearest edge, positive inside, n
@@ -54,8 +54,8 @@ def crosses(
     a: Rows,
     *,
     line: str,
-    window_s: float = CROSSING_WINDOW_S,
-    sigma_m: float = CROSSING_SIGMA_M,
+    window_s: float = _CROSSING_WINDOW_S,
+    sigma_m: float = _CROSSING_SIGMA_M,
 ) -> Float[np.ndarray, "m"]:
     """P(a crosses the line within ``window_s`` seconds about the moment), either way.
 

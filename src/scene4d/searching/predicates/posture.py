@@ -10,24 +10,24 @@ from scipy.special import ndtr
 from scene4d.searching.predicates.rows import Rows, Stage
 from scene4d.searching.predicates.visibility import CUT_PX
 
-STOOPING_SHARE = 0.9
-SOFTNESS = 0.05
+_STOOPING_SHARE = 0.9
+_SOFTNESS = 0.05
 """How vague the word is, as a share of the standing height."""
-EDGE_SHARE = 0.02
+_EDGE_SHARE = 0.02
 """How far an edge of a box is off, as a share of the box."""
-EDGE_PX = 1.0
+_EDGE_PX = 1.0
 """And at least by so many pixels."""
-STANDING = 0.75
+_STANDING = 0.75
 """Quantile of a track's heights that counts as its standing height: people stoop for a while."""
 
 
-def stooping(a: Rows, *, share: float = STOOPING_SHARE) -> Float[np.ndarray, "m"]:
+def stooping(a: Rows, *, share: float = _STOOPING_SHARE) -> Float[np.ndarray, "m"]:
     """P(a is seen less tall than ``share`` of its own standing height): it bends, sits down, climbs
     into something, or something low hides its feet.
 
     The height is that of the box over what a metre of an upright thing measures in the picture at
     a's place, so that walking away is no stooping; the standing height is the upper quartile over
-    the track. With the ratio q, ``Φ((share - q) / √(σ² + 2 s²))``: σ is :data:`SOFTNESS`, s the
+    the track. With the ratio q, ``Φ((share - q) / √(σ² + 2 s²))``: σ is :data:`_SOFTNESS`, s the
     error of a box's edge (2 % of the box, at least a pixel), for each of two edges. Errors of the
     position that last along a track cancel in the ratio; others are not counted. Without a camera
     heights in the picture are compared as they are. NaN where a was not seen, has no position, or
@@ -40,8 +40,8 @@ def stooping(a: Rows, *, share: float = STOOPING_SHARE) -> Float[np.ndarray, "m"
     box = a.box_xyxy
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = height_m[position] / standing_m[track[position]]
-        edge = np.maximum(EDGE_SHARE, EDGE_PX / (box[:, 3] - box[:, 1]))
-    return np.asarray(ndtr((share - ratio) / np.sqrt(SOFTNESS**2 + 2 * edge**2)))
+        edge = np.maximum(_EDGE_SHARE, _EDGE_PX / (box[:, 3] - box[:, 1]))
+    return np.asarray(ndtr((share - ratio) / np.sqrt(_SOFTNESS**2 + 2 * edge**2)))
 
 
 def _tracks_of(a: Rows) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"]]:
@@ -70,7 +70,7 @@ def _upper_quartile(
     known = np.flatnonzero(np.isfinite(values))
     order = known[np.lexsort([values[known], track[known]])]
     count = np.bincount(track[known], minlength=int(track.max(initial=-1)) + 1)
-    at = np.cumsum(count) - count + np.ceil(STANDING * (count - 1)).astype(int)
+    at = np.cumsum(count) - count + np.ceil(_STANDING * (count - 1)).astype(int)
     found = np.full(len(count), np.nan)
     found[count > 0] = values[order[at[count > 0]]]
     return found

@@ -18,7 +18,7 @@ from scene4d.searching.predicates import (
     visibility,
 )
 
-Function = Callable[..., np.ndarray]
+_Function = Callable[..., np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Predicate:
     name: str
     arity: int
     parameters: Mapping[str, Parameter]
-    function: Function
+    function: _Function
     summary: str
 
 
@@ -68,7 +68,7 @@ _RANGE: dict[str, tuple[str, float, float]] = {
     "side": ("side", 0.0, np.inf),
 }
 """Unit and range of a parameter follow from its name."""
-_FUNCTIONS: tuple[Function, ...] = (
+_FUNCTIONS: tuple[_Function, ...] = (
     distance.near,
     distance.far,
     distance.same_place,
@@ -122,7 +122,7 @@ _SUMMARIES = {
 }
 
 
-def _predicate(function: Function) -> Predicate:
+def _predicate(function: _Function) -> Predicate:
     signature = inspect.signature(function).parameters.values()
     roles = [p for p in signature if p.kind is p.POSITIONAL_OR_KEYWORD]
     parameters = {}

@@ -12,18 +12,18 @@ from scene4d.searching.predicates.separation import Separation
 
 SIDES = ("front", "back", "left", "right")
 """Sides of a vehicle, as its driver names them."""
-TOWARDS_MPS = 0.3
-TOWARDS_RAD = np.pi / 4
-TOWARDS_SIGMA_MPS = 0.2
-FOLLOWING_M = 8.0
-FOLLOWING_SIGMA_M = 2.0
-FACING_RAD = np.pi / 4
-FACING_SIGMA_RAD = np.radians(15.0)
-SIDE_SIGMA_M = 0.3
-VEHICLE_LENGTH_M = 4.6
-VEHICLE_WIDTH_M = 1.85
+_TOWARDS_MPS = 0.3
+_TOWARDS_RAD = np.pi / 4
+_TOWARDS_SIGMA_MPS = 0.2
+_FOLLOWING_M = 8.0
+_FOLLOWING_SIGMA_M = 2.0
+_FACING_RAD = np.pi / 4
+_FACING_SIGMA_RAD = np.radians(15.0)
+_SIDE_SIGMA_M = 0.3
+_VEHICLE_LENGTH_M = 4.6
+_VEHICLE_WIDTH_M = 1.85
 """A common car; only the difference of the two enters."""
-AXIS_SIGMA_RAD = np.radians(10.0)
+_AXIS_SIGMA_RAD = np.radians(10.0)
 """Taken for a vehicle of which only the axis is known, without a spread of its own."""
 
 
@@ -31,9 +31,9 @@ def moving_towards(
     a: Rows,
     b: Rows,
     *,
-    speed_mps: float = TOWARDS_MPS,
-    angle_rad: float = TOWARDS_RAD,
-    sigma_mps: float = TOWARDS_SIGMA_MPS,
+    speed_mps: float = _TOWARDS_MPS,
+    angle_rad: float = _TOWARDS_RAD,
+    sigma_mps: float = _TOWARDS_SIGMA_MPS,
 ) -> Float[np.ndarray, "m"]:
     """P(a moves towards b): its velocity lies in the wedge about the direction to b.
 
@@ -50,9 +50,9 @@ def moving_away(
     a: Rows,
     b: Rows,
     *,
-    speed_mps: float = TOWARDS_MPS,
-    angle_rad: float = TOWARDS_RAD,
-    sigma_mps: float = TOWARDS_SIGMA_MPS,
+    speed_mps: float = _TOWARDS_MPS,
+    angle_rad: float = _TOWARDS_RAD,
+    sigma_mps: float = _TOWARDS_SIGMA_MPS,
 ) -> Float[np.ndarray, "m"]:
     """P(a moves away from b): :func:`moving_towards` with the opposite direction."""
     way = Separation.between(a, b)
@@ -82,11 +82,11 @@ def following(
     a: Rows,
     b: Rows,
     *,
-    tau_m: float = FOLLOWING_M,
-    sigma_m: float = FOLLOWING_SIGMA_M,
-    speed_mps: float = TOWARDS_MPS,
-    angle_rad: float = TOWARDS_RAD,
-    sigma_mps: float = TOWARDS_SIGMA_MPS,
+    tau_m: float = _FOLLOWING_M,
+    sigma_m: float = _FOLLOWING_SIGMA_M,
+    speed_mps: float = _TOWARDS_MPS,
+    angle_rad: float = _TOWARDS_RAD,
+    sigma_mps: float = _TOWARDS_SIGMA_MPS,
 ) -> Float[np.ndarray, "m"]:
     """P(a follows b): a moves towards b, b moves away from a, and they are near.
 
@@ -104,9 +104,9 @@ def facing(
     b: Rows,
     *,
     side: str | None = None,
-    angle_rad: float = FACING_RAD,
-    sigma_rad: float = FACING_SIGMA_RAD,
-    sigma_m: float = SIDE_SIGMA_M,
+    angle_rad: float = _FACING_RAD,
+    sigma_rad: float = _FACING_SIGMA_RAD,
+    sigma_m: float = _SIDE_SIGMA_M,
 ) -> Float[np.ndarray, "m"]:
     """P(a faces b): its heading points to b within ``angle_rad``. With ``side``: P(a stands at
     that side of the vehicle b), whichever way a looks.
@@ -130,7 +130,7 @@ def facing(
         return _at_side(way, b, side, sigma_m)
     bearing = np.arctan2(way.unit[:, 1], way.unit[:, 0])
     only_axis = np.isnan(a.heading_sigma_rad)
-    own = np.where(only_axis, AXIS_SIGMA_RAD, a.heading_sigma_rad)
+    own = np.where(only_axis, _AXIS_SIGMA_RAD, a.heading_sigma_rad)
     sigma = np.sqrt(own**2 + way.direction_sigma_rad**2 + sigma_rad**2)
     off = wrapped(a.heading_rad - bearing)
     ahead = angle_between(off, sigma, -angle_rad, angle_rad)
@@ -140,7 +140,7 @@ def facing(
 
 def _at_side(way: Separation, b: Rows, side: str, sigma_m: float) -> np.ndarray:
     only_axis = np.isnan(b.heading_sigma_rad)
-    own = np.where(only_axis, AXIS_SIGMA_RAD, b.heading_sigma_rad)
+    own = np.where(only_axis, _AXIS_SIGMA_RAD, b.heading_sigma_rad)
     forwards = np.stack([np.cos(b.heading_rad), np.sin(b.heading_rad)], axis=1)
     place = -way.vector_m
 
@@ -149,7 +149,7 @@ def _at_side(way: Separation, b: Rows, side: str, sigma_m: float) -> np.ndarray:
             place,
             way.covariance_m2,
             axis,
-            apex=(VEHICLE_LENGTH_M - VEHICLE_WIDTH_M) / 2,
+            apex=(_VEHICLE_LENGTH_M - _VEHICLE_WIDTH_M) / 2,
             half_angle_rad=np.pi / 4,
             axis_sigma_rad=own,
             sigma=sigma_m,

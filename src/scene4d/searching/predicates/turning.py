@@ -10,12 +10,12 @@ from scene4d.searching.predicates.rows import Rows, Stage
 TURN_WINDOW_S = 2.0
 TURN_RAD = np.radians(15.0)
 TURN_SIGMA_RAD = np.radians(5.0)
-U_TURN_WINDOW_S = 12.0
-U_TURN_RAD = np.radians(130.0)
-U_TURN_SIGMA_RAD = np.radians(15.0)
-GEAR_M = 1.0
+_U_TURN_WINDOW_S = 12.0
+_U_TURN_RAD = np.radians(130.0)
+_U_TURN_SIGMA_RAD = np.radians(15.0)
+_GEAR_M = 1.0
 """Way that speaks for neither direction: who drives 1 m one way may as well have reversed."""
-FLIP_SIGMA_RAD = np.radians(20.0)
+_FLIP_SIGMA_RAD = np.radians(20.0)
 
 
 def turning_left(
@@ -54,10 +54,10 @@ def turning_right(
 def u_turning(
     a: Rows,
     *,
-    angle_rad: float = U_TURN_RAD,
-    window_s: float = U_TURN_WINDOW_S,
+    angle_rad: float = _U_TURN_RAD,
+    window_s: float = _U_TURN_WINDOW_S,
     speed_mps: float = MOVING_MPS,
-    sigma_rad: float = U_TURN_SIGMA_RAD,
+    sigma_rad: float = _U_TURN_SIGMA_RAD,
 ) -> Float[np.ndarray, "m"]:
     """P(a turns round): as :func:`turning_left`, to either side, by more than 130° in 12 s."""
     turn, sigma = _turn(a, window_s, speed_mps, sigma_rad)
@@ -149,7 +149,7 @@ def _gears(stage: Stage, rows: np.ndarray) -> np.ndarray:
     way = np.bincount(stretch, np.hypot(v[:, 0], v[:, 1])) * stage.step_s
     angle, sigma = direction(v, stage.tracks.velocity_covariance[rows])
     turn = wrapped(angle[begin[1:]] - angle[end[:-1]])
-    doubt = np.sqrt(sigma[begin[1:]] ** 2 + sigma[end[:-1]] ** 2 + FLIP_SIGMA_RAD**2)
+    doubt = np.sqrt(sigma[begin[1:]] ** 2 + sigma[end[:-1]] ** 2 + _FLIP_SIGMA_RAD**2)
     flip = 1 - angle_between(turn, doubt, -np.pi / 2, np.pi / 2)
     owner = track[begin]
     fresh = np.append(True, owner[1:] != owner[:-1])
@@ -159,8 +159,8 @@ def _gears(stage: Stage, rows: np.ndarray) -> np.ndarray:
     for at in np.flatnonzero(~fresh):
         sign[at] = sign[at - 1] * step[at]
     number = np.cumsum(fresh) - 1
-    same = np.bincount(number, way * (1 + sign) / 2) + GEAR_M
-    opposite = np.bincount(number, way * (1 - sign) / 2) + GEAR_M
+    same = np.bincount(number, way * (1 + sign) / 2) + _GEAR_M
+    opposite = np.bincount(number, way * (1 - sign) / 2) + _GEAR_M
     first_forwards = (same**2 / (same**2 + opposite**2))[number]
     first = (1 + sign) / 2
     return np.asarray((first * (1 - first_forwards) + (1 - first) * first_forwards)[stretch])

@@ -31,19 +31,19 @@ from scipy.special import ndtr
 from scene4d.searching.predicates.rows import Rows, Stage
 from scene4d.searching.predicates.turning import window
 
-END_SIGMA_S = 1.0
-LOOK_S = 0.5
+_END_SIGMA_S = 1.0
+_LOOK_S = 0.5
 BORDER_SHARE, BORDER_SIGMA = 0.1, 0.05
 CUT_PX = 2.0
 """A box that comes this near to the picture's border may be cut by it."""
 LEAVING_SHARE, LEAVING_SIGMA = 0.15, 0.05
 COVERED_SHARE, COVERED_SIGMA = 0.5, 0.15
-BEFORE_SIGMA = 0.05
+_BEFORE_SIGMA = 0.05
 WITHIN_SHARE, WITHIN_SIGMA = 0.7, 0.15
-CLIP_SIGMA_S = 0.5
+_CLIP_SIGMA_S = 0.5
 
 
-def disappears(a: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[np.ndarray, "m"]:
+def disappears(a: Rows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
     """P(a is gone from view at about this moment, inside the picture and behind nothing).
 
     ``exp(-½ (t - t_end)² / σ²)`` with the moment t_end at which a was last seen, times the factors
@@ -54,14 +54,14 @@ def disappears(a: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[np.ndarray, "m
     return _end(a, None, True, sigma_s)
 
 
-def appears(a: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[np.ndarray, "m"]:
+def appears(a: Rows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
     """P(a comes into view at about this moment, inside the picture and from behind nothing):
     :func:`disappears` with time reversed.
     """
     return _end(a, None, False, sigma_s)
 
 
-def disappears_into(a: Rows, b: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[np.ndarray, "m"]:
+def disappears_into(a: Rows, b: Rows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
     """P(a is gone, within b's outline, and nothing but b hides it): :func:`disappears`, for which b
     is no obstacle, with the factor *leaving* for *border*, times *within*.
 
@@ -72,7 +72,7 @@ def disappears_into(a: Rows, b: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[
     return _end(a, b, True, sigma_s)
 
 
-def appears_from(a: Rows, b: Rows, *, sigma_s: float = END_SIGMA_S) -> Float[np.ndarray, "m"]:
+def appears_from(a: Rows, b: Rows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
     """P(a comes into view, within b's outline, and nothing but b hid it): :func:`disappears_into`
     with time reversed.
     """
@@ -140,7 +140,7 @@ def _ends(stage: Stage, last: bool) -> _Ends:
     border = ndtr((np.minimum(*margins) - BORDER_SHARE) / BORDER_SIGMA)
     outwards = ndtr((margins[0] - margins[1] - LEAVING_SHARE) / LEAVING_SIGMA)
     everything = tracks.time_s.max() if last else tracks.time_s.min()
-    clip = 1 - np.exp(-(((time_s[track] - everything) / CLIP_SIGMA_S) ** 2) / 2)
+    clip = 1 - np.exp(-(((time_s[track] - everything) / _CLIP_SIGMA_S) ** 2) / 2)
     free[track], still[track] = border * clip, (1 - (1 - border) * outwards) * clip
     _hide(stage, track, row, seen, (now, then), hidden, whom)
     return _Ends(time_s, box, free, still, hidden, whom, seen)
@@ -167,7 +167,7 @@ def _nearest_box(
 def _carried_on(stage: Stage, row: np.ndarray, last: bool) -> np.ndarray:
     """The boxes half a second on, by their motion in the picture over the half second before."""
     tracks = stage.tracks
-    early, late = window(stage, row, LOOK_S)
+    early, late = window(stage, row, _LOOK_S)
     from_row = early if last else late
     # Where that row was bridged there is no box, and the motion is unknown: none.
     before = tracks.box_xyxy[from_row]
@@ -180,7 +180,7 @@ def _carried_on(stage: Stage, row: np.ndarray, last: bool) -> np.ndarray:
     weight = np.where(cut & ~cut[:, [2, 3, 0, 1]], 0.0, 1.0)
     moved = weight * way + (weight * way)[:, [2, 3, 0, 1]]
     with np.errstate(divide="ignore", invalid="ignore"):
-        shift = moved / (weight + weight[:, [2, 3, 0, 1]]) * (LOOK_S / taken)[:, None]
+        shift = moved / (weight + weight[:, [2, 3, 0, 1]]) * (_LOOK_S / taken)[:, None]
     return np.asarray(now + np.where(np.isfinite(shift), shift, 0.0))
 
 
@@ -218,7 +218,7 @@ def _hide(
     box = tracks.box_xyxy[other]
     covered = np.maximum(*(_covered(part[end], box) for part in boxes))
     now = boxes[0][end]
-    depth = (box[:, 3] - now[:, 3]) / (BEFORE_SIGMA * np.maximum(now[:, 3] - now[:, 1], 1.0))
+    depth = (box[:, 3] - now[:, 3]) / (_BEFORE_SIGMA * np.maximum(now[:, 3] - now[:, 1], 1.0))
     value = ndtr((covered - COVERED_SHARE) / COVERED_SIGMA) * ndtr(depth)
     value[covered == 0] = 0.0
     by = stage.track_of_row[other]

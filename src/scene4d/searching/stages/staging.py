@@ -17,7 +17,7 @@ from scene4d.store.runs import Run
 STEP_S = 0.2
 """Time between two rows of a track, as near to it as theirs permits: people and vehicles do little
 in less, and a search takes time by rows."""
-Places = Mapping[str, Float[np.ndarray, "_ 2"]]
+_Places = Mapping[str, Float[np.ndarray, "_ 2"]]
 """Zones or lines by their names, on the ground in metres."""
 _ROUNDING = 1e-6
 
@@ -46,8 +46,8 @@ def stage_of(
     calibration: Calibration,
     *,
     step_s: float = STEP_S,
-    zones: Places | None = None,
-    lines: Places | None = None,
+    zones: _Places | None = None,
+    lines: _Places | None = None,
 ) -> Stage:
     """Tracks of one run as a stage, with about a row per ``step_s`` of each (:func:`thinned`)."""
     thin, step = thinned(tracks, step_s)
@@ -59,8 +59,8 @@ def stage_of_thinned(
     step_s: float,
     calibration: Calibration,
     *,
-    zones: Places | None = None,
-    lines: Places | None = None,
+    zones: _Places | None = None,
+    lines: _Places | None = None,
 ) -> Stage:
     """Tracks of one run as a stage, with rows every ``step_s`` as they are."""
     return Stage(
