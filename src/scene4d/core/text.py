@@ -3,6 +3,7 @@
 Readers raise :class:`InputError` with the line or field; the registries put the file in front.
 """
 
+import reprlib
 from collections.abc import Iterable
 from pathlib import Path
 from xml.etree.ElementTree import Element, ParseError
@@ -13,6 +14,22 @@ from defusedxml.ElementTree import fromstring
 from jaxtyping import Float
 
 from scene4d.core.errors import InputError
+
+_LONGEST_QUOTE = 80
+"""Characters: one line of a terminal."""
+_BRIEF = reprlib.Repr()
+_BRIEF.maxstring = _BRIEF.maxlong = _BRIEF.maxother = _LONGEST_QUOTE
+
+
+def quoted(value: object) -> str:
+    """A value from a file for a message: as ``repr``, which escapes what a terminal would obey,
+    and at most 80 characters.
+    """
+    try:
+        text = _BRIEF.repr(value)
+    except ValueError:  # Python refuses to print integers of more than 4300 digits
+        text = "a number of thousands of digits"
+    return text if len(text) <= _LONGEST_QUOTE else f"{text[: _LONGEST_QUOTE - 3]}..."
 
 
 def read_text(path: Path) -> str:
@@ -48,7 +65,7 @@ def parse_xml(text: str) -> Element:
     Raises :class:`InputError` naming the line.
     """
     try:
-        return fromstring(text.encode())
+        return fromstring(text)  # as text, so that the encoding it declares is of no account
     except ParseError as error:
         raise InputError(f"line {error.position[0]}: is not well-formed XML: {error}") from error
     except DefusedXmlException as error:
@@ -60,13 +77,13 @@ def floats(tokens: Iterable[object], where: str) -> Float[np.ndarray, "n"]:
     values = []
     for token in tokens:
         if isinstance(token, bool) or not isinstance(token, (int, float, str)):
-            raise InputError(f"{where}: expected a number, found {token!r}")
+            raise InputError(f"{where}: expected a number, found {quoted(token)}")
         try:
             value = float(token)
         except (ValueError, OverflowError) as error:
-            raise InputError(f"{where}: expected a number, found {token!r}") from error
+            raise InputError(f"{where}: expected a number, found {quoted(token)}") from error
         if not np.isfinite(value):
-            raise InputError(f"{where}: expected a finite number, found {token!r}")
+            raise InputError(f"{where}: expected a finite number, found {quoted(token)}")
         values.append(value)
     return np.array(values, dtype=float)
 
