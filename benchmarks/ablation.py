@@ -210,10 +210,10 @@ def error_without_scale(
     found: Camera, true: Camera, feet_uv: np.ndarray
 ) -> tuple[float, float | None]:
     """Rms correspondence error (m) after alignment with scale (Umeyama 1991), at true scale."""
-    there, on_ground = true.locate(true.undistort(feet_uv)[0])
+    there, on_ground = true.locate(feet_uv)
     near = on_ground & (np.hypot(*(there - true.centre_m[:2]).T) < 100)
     rows = np.flatnonzero(near)[spread_points(there[near])]
-    here = found.locate(found.undistort(feet_uv[rows])[0])[0]
+    here = found.locate(feet_uv[rows])[0]
     centred = here - here.mean(axis=0)
     target = there[rows] - there[rows].mean(axis=0)
     U, S, Vt = np.linalg.svd(centred.T @ target)

@@ -79,8 +79,8 @@ def across_and_height(
     camera: Camera, segments: Segments
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Height (m), head across the body (share of height), ground position, by the true camera."""
-    foot, head = camera.undistort(segments.foot_uv)[0], camera.undistort(segments.head_uv)[0]
-    xy, _ = camera.locate(foot, FOOT_HEIGHT_M)
+    head, _ = camera.undistort(segments.head_uv)
+    xy, _ = camera.locate(segments.foot_uv, FOOT_HEIGHT_M)
     feet = np.column_stack([xy, np.full(len(xy), FOOT_HEIGHT_M)]) @ camera.R.T + camera.t
     up = camera.R[:, 2]
     x = (head - camera.K[:2, 2]) / np.diag(camera.K)[:2]

@@ -83,7 +83,7 @@ def boxes_of(
     x = xy[:, :1] + local[..., 0] * c - local[..., 1] * s
     y = xy[:, 1:] + local[..., 0] * s + local[..., 1] * c
     uv, valid = camera.project(np.stack([x, y, local[..., 2]], axis=-1).reshape(-1, 3))
-    uv = camera.distort(uv).reshape(len(xy), -1, 2)
+    uv = uv.reshape(len(xy), -1, 2)
     return np.hstack([uv.min(axis=1), uv.max(axis=1)]), valid.reshape(len(xy), -1).all(axis=1)
 
 
@@ -98,8 +98,7 @@ def draw(
     """Vehicles of random sizes and headings, seen with noise; with ``cut`` also at the border."""
     shape, image = SHAPES[class_name], np.array(camera.image_size)
     margin = 0.15 if cut else 0.0
-    uv, _ = camera.undistort(rng.uniform(-margin, 1 + margin, (count, 2)) * image)
-    xy, on_ground = camera.locate(uv)
+    xy, on_ground = camera.locate(rng.uniform(-margin, 1 + margin, (count, 2)) * image)
     xy, n = xy[on_ground], int(on_ground.sum())
     heading = rng.uniform(-np.pi, np.pi, n)
     size = shape.size_m * np.exp(rng.multivariate_normal(np.zeros(3), shape.log_covariance, n))
@@ -121,7 +120,7 @@ def draw(
 
 def bottom_centre(camera: Camera, detections: Detections) -> np.ndarray:
     """The usual stand-in: the ground under the middle of the box's bottom edge."""
-    return camera.locate(camera.undistort(detections.box_foot_uv)[0])[0]
+    return camera.locate(detections.box_foot_uv)[0]
 
 
 def inside_ellipse(found: Located, xy_m: np.ndarray) -> np.ndarray:
@@ -376,12 +375,12 @@ def _draw_vehicle(image: np.ndarray, camera: Camera, box: np.ndarray, xy: np.nda
     flat = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2 * size[:2] @ turn.T + (x, y)
     rims = []
     for z in (0.0, size[2]):
-        uv = camera.distort(camera.project(np.column_stack([flat, np.full(4, z)]))[0])
+        uv, _ = camera.project(np.column_stack([flat, np.full(4, z)]))
         rims.append(np.round(uv).astype(np.int32))
         cv2.polylines(image, [rims[-1]], True, (80, 255, 80), 1, cv2.LINE_AA)
     for low, high in zip(*rims, strict=True):
         cv2.line(image, low.tolist(), high.tolist(), (80, 255, 80), 1, cv2.LINE_AA)
-    spot = camera.distort(camera.project(np.append(xy, 0.0)[None])[0])[0]
+    spot = camera.project(np.append(xy, 0.0))[0]
     cv2.circle(image, [round(float(v)) for v in spot], 4, (0, 0, 255), -1, cv2.LINE_AA)
 
 

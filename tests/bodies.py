@@ -23,9 +23,9 @@ class Crowd:
     def image(self, points_m: np.ndarray) -> np.ndarray:
         """Pixels of the footage (n, k, 2) of world points (n, k, 3)."""
         n, k, _ = points_m.shape
-        flat, valid = self.camera.project(points_m.reshape(-1, 3))
+        uv, valid = self.camera.project(points_m.reshape(-1, 3))
         assert valid.all()
-        return self.camera.distort(flat).reshape(n, k, 2)
+        return uv.reshape(n, k, 2)
 
     @property
     def length_px(self) -> np.ndarray:

@@ -213,12 +213,8 @@ class PeopleScene:
 
 def _image(camera: Camera, xy_m: np.ndarray, z_m, distorted: bool) -> np.ndarray:
     """Pixels of points at heights ``z_m`` over ``xy_m``; NaN where they have none."""
-    uv, _ = camera.project(np.column_stack([xy_m, np.broadcast_to(z_m, len(xy_m))]))
-    if distorted:
-        flat, uv = uv, camera.distort(uv)
-        unique = np.abs(camera.undistort(uv)[0] - flat).max(axis=1) < 1e-3
-        uv[~unique] = np.nan
-    return uv
+    xyz_m = np.column_stack([xy_m, np.broadcast_to(z_m, len(xy_m))])
+    return camera.project(xyz_m, undistorted=not distorted)[0]
 
 
 def _fits(camera: Camera, xy_m: np.ndarray, distorted: bool) -> np.ndarray:
@@ -237,9 +233,7 @@ def _places(camera: Camera, n: int, rng: np.random.Generator, distorted: bool) -
     found, count = [], 0
     for _ in range(60):
         uv = rng.uniform(0, np.array(camera.image_size) - 1, (4 * n + 100, 2))
-        if distorted:
-            uv = camera.undistort(uv)[0]
-        xy, valid = camera.locate(uv, FOOT_HEIGHT_M)
+        xy, valid = camera.locate(uv, FOOT_HEIGHT_M, undistorted=not distorted)
         xy = xy[valid]
         found.append(xy[_fits(camera, xy, distorted)])
         count += len(found[-1])

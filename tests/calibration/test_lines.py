@@ -29,10 +29,11 @@ def town(camera: Camera, n: int, rng: np.random.Generator, noise_px: float = 0.7
         start, _ = ground_in_view(camera, rng.uniform(size=(3 * n, 2)))
         start = start + np.array([0, 0, 1.0]) * rng.uniform(0, 3, (3 * n, 1))
         end = start + axes[np.arange(3 * n) % 3] * rng.uniform(1, 5, (3 * n, 1))
-        ends = np.stack([camera.project(start)[0], camera.project(end)[0]], axis=1)
+        flat = [camera.project(at, undistorted=True)[0] for at in (start, end)]
+        ends = np.stack(flat, axis=1)
         inside = ((ends >= 0) & (ends <= last)).all(axis=(1, 2))
         inside &= np.hypot(*(ends[:, 1] - ends[:, 0]).T) > 40
-        found.append(camera.distort(ends[inside].reshape(-1, 2)).reshape(-1, 4))
+        found.append(camera.distort(ends[inside].reshape(-1, 2))[0].reshape(-1, 4))
     edges = np.concatenate(found)
     return edges[:n] + noise_px * rng.normal(size=(n, 4))
 

@@ -46,7 +46,7 @@ def error_m(truth: Camera, found: Camera, xy_m: np.ndarray) -> float:
 
 def walked(camera: Camera, foot_uv: np.ndarray) -> np.ndarray:
     """Ground under the feet, within 60 m of the camera."""
-    xy, seen = camera.locate(camera.undistort(foot_uv)[0])
+    xy, seen = camera.locate(foot_uv)
     return xy[seen & (np.hypot(*(xy - camera.centre_m[:2]).T) < 60)]
 
 

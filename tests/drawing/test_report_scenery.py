@@ -150,8 +150,7 @@ def test_grid_lines_lie_on_their_ground_lines(pose):
     for line in scenery.grid_lines(camera, Area(-12.0, 12.0, 2.0, 30.0), 5.0, samples=60):
         seen = np.isfinite(line.uv[:, 0])
         assert seen.sum() >= 2
-        back, _ = camera.undistort(line.uv[seen])
-        xy, valid = camera.locate(back)
+        xy, valid = camera.locate(line.uv[seen])
         assert valid.all()
         held = xy[:, 0 if line.axis == "x" else 1]
         np.testing.assert_allclose(held, line.value_m, atol=1e-3)
@@ -159,32 +158,10 @@ def test_grid_lines_lie_on_their_ground_lines(pose):
 
 
 def test_points_beyond_the_fold_are_not_drawn_inside_the_frame():
-    camera = scenes.camera(focal_px=384.0, distortion=BARREL)
+    camera = scenes.camera(focal_px=384.0, tilt_rad=0.0, distortion=BARREL)
     # Normalised radius 2.5: the polynomial throws it back to 2.5 (1 - 0.3 * 6.25) < 0.
-    uv = camera.K[:2, 2] + 384.0 * np.array([[2.5, 0.0], [0.2, 0.1]])
-    _, valid = scenery.through_lens(camera, uv)
-    assert valid.tolist() == [False, True]
-    assert scenery.before_fold(camera, uv).tolist() == [False, True]
-
-
-@pytest.mark.parametrize("k2", [0.0, 0.02])
-def test_the_fold_lies_where_the_radial_polynomial_turns(k2):
-    """d/dr of r - 0.3 r³ + k2 r⁵ is zero; with k2 the model is invertible again further out."""
-    camera = scenes.camera(focal_px=400.0, distortion=(-0.3, k2, 0.0, 0.0, 0.0))
-    roots = np.roots([5 * k2, 0, -0.9, 0, 1.0])
-    fold = min(r.real for r in roots if abs(r.imag) < 1e-9 and r.real > 0)
-    radius = fold * np.array([0.5, 0.97, 1.03, 1.5, 3.0, 5.0])
-    for angle in np.linspace(0, 6, 25):
-        uv = camera.K[:2, 2] + 400 * radius[:, None] * [np.cos(angle), np.sin(angle)]
-        assert scenery.before_fold(camera, uv).tolist() == [True] * 2 + [False] * 4
-
-
-def test_a_lens_without_a_fold_sees_everything_in_front():
-    camera = scenes.camera(distortion=(0.2, 0.0, 0.0, 0.0, 0.0))
-    rng = np.random.default_rng(0)
-    uv = camera.K[:2, 2] + 1185.0 * rng.uniform(-8, 8, (500, 2))
-    assert scenery.before_fold(camera, uv).all()
-    assert not scenery.before_fold(camera, np.full((1, 2), np.nan)).any()
+    seen = np.isfinite(scenery.image_of(camera, np.array([[50.0, 20, 7], [4.0, 20, 5]])))
+    assert seen.all(axis=1).tolist() == [False, True]
 
 
 def test_uprights_are_spread_inside_the_frame_and_apart():

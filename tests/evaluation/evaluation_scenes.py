@@ -46,7 +46,7 @@ def reference(camera: Camera | GroundMap, n: int = 300) -> Reference:
     seen = camera if isinstance(camera, Camera) else scenes.camera()
     rng = np.random.default_rng(3)
     uv = rng.uniform([0, 150], [768, 575], (n, 2))
-    xy, _ = seen.locate(seen.undistort(uv)[0])
+    xy, _ = seen.locate(uv)
     near = np.hypot(*(xy - seen.centre_m[:2]).T) < 45
     uv = image_of(seen, np.column_stack([xy[near], np.zeros(near.sum())]))
     return Reference("a park", camera, uv[in_frame(uv, seen.image_size)])

@@ -40,7 +40,7 @@ def correlated(rng: np.random.Generator, spreads=SPREADS) -> np.ndarray:
 
 
 def ground(camera: Camera, uv: np.ndarray) -> np.ndarray:
-    return camera.locate(camera.undistort(uv)[0])[0]
+    return camera.locate(uv)[0]
 
 
 def distances(camera: Camera, person_uv: np.ndarray, place_uv: np.ndarray) -> np.ndarray:

@@ -51,7 +51,7 @@ def found(camera: Camera) -> Calibration:
 
 
 def ground(camera: Camera, uv: np.ndarray) -> np.ndarray:
-    return camera.locate(camera.undistort(uv)[0])[0]
+    return camera.locate(uv)[0]
 
 
 def same(a, b) -> None:

@@ -19,13 +19,12 @@ def heights_m(camera, detections):
     """Heights that a known camera gives to boxes: an end-to-end check of both files' pixels."""
     box = detections.box_xyxy
     middle = (box[:, 0] + box[:, 2]) / 2
-    foot, foot_ok = camera.undistort(np.column_stack([middle, box[:, 3]]))
+    xy, seen = camera.locate(np.column_stack([middle, box[:, 3]]))
     head, head_ok = camera.undistort(np.column_stack([middle, box[:, 1]]))
-    xy, seen = camera.locate(foot)
     P, v = camera.P, head[:, 1]
     ground = np.column_stack([xy, np.zeros(len(xy)), np.ones(len(xy))])
     z = (ground @ P[1] - v * (ground @ P[2])) / (v * P[2, 2] - P[1, 2])
-    return z[foot_ok & head_ok & seen]
+    return z[head_ok & seen]
 
 
 def read(tmp_path, name, text, **options):

@@ -225,7 +225,7 @@ def test_deepstream_counts_pixels_from_the_image_centre(tmp_path, camera):
         3, 4
     )
     world = np.array([[1.0, 20.0, 1.7], [-4.0, 35.0, 0.0]])
-    uv, valid = camera.project(world)
+    uv, valid = camera.project(world, undistorted=True)
     assert valid.all()
     x = np.column_stack([world, np.ones(2)]) @ P.T
     np.testing.assert_allclose(x[:, :2] / x[:, 2:], uv - [639.5, 359.5], atol=1e-9)

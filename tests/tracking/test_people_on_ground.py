@@ -41,14 +41,13 @@ def rms(located: Located, people: Crowd) -> float:
 @given(strategies.views(), st.floats(0.0, 1.8))
 def test_rays_and_their_derivatives_agree_with_the_camera(view, height):
     camera, _, flat = view
-    uv = camera.distort(flat)
-    back, valid = camera.undistort(uv)
-    assume(valid.all() and np.abs(back - flat).max() < 1e-6)
+    uv, valid = camera.distort(flat)
+    assume(valid.all())
     assume(abs(camera.height_m - height) > 0.1)
     rays = Rays.through(camera, uv)
     level = rays.meet(height)
     np.testing.assert_allclose(np.linalg.norm(rays.row_normal, axis=1), 1.0)
-    expected, valid = camera.locate(flat, height)
+    expected, valid = camera.locate(flat, height, undistorted=True)
     np.testing.assert_array_equal(np.isfinite(level.xy_m).all(axis=1), valid)
     np.testing.assert_allclose(level.xy_m, expected, rtol=1e-6, atol=1e-6)
     far = np.linalg.norm(expected - camera.centre_m[:2], axis=1)
@@ -57,12 +56,12 @@ def test_rays_and_their_derivatives_agree_with_the_camera(view, height):
     for axis in (0, 1):
         step = np.zeros(2)
         step[axis] = 0.01
-        there, _ = camera.locate(camera.undistort(uv + step)[0], height)
-        here, _ = camera.locate(camera.undistort(uv - step)[0], height)
+        there, _ = camera.locate(uv + step, height)
+        here, _ = camera.locate(uv - step, height)
         seen = near & np.isfinite(there + here).all(axis=1)
         slope = (there - here) / 0.02
         assert (np.abs(slope - level.by_uv[:, :, axis])[seen] < 0.02 * size[seen, None]).all()
-    higher, _ = camera.locate(flat, height + 1e-4)
+    higher, _ = camera.locate(flat, height + 1e-4, undistorted=True)
     seen = valid & np.isfinite(higher).all(axis=1)
     np.testing.assert_allclose(
         ((higher - expected) / 1e-4)[seen], level.by_height[seen], rtol=1e-3, atol=1e-3

@@ -87,7 +87,7 @@ def of(camera: Camera, boxes: np.ndarray, names: object = "car", track=None) -> 
 def states(camera: Camera, count: int, rng: np.random.Generator) -> np.ndarray:
     """Random states (6, n, 1) of vehicles in view and not too near."""
     uv = rng.uniform(0.2, 0.8, (20 * count, 2)) * camera.image_size
-    xy, valid = camera.locate(camera.undistort(uv)[0])
+    xy, valid = camera.locate(uv)
     far = np.hypot(*(xy - camera.centre_m[:2]).T)
     xy = xy[valid & (far > 15) & (far < 80)][:count]
     free = rng.normal(0, 0.15, (3, len(xy)))
@@ -155,7 +155,7 @@ def test_the_lens_slope_is_that_of_finite_differences():
     slope = Outline(STREET, SHAPES["car"]).lens_slope(uv)
     for axis in range(2):
         step = np.eye(2)[axis] * 1e-3
-        number = (STREET.distort(uv + step) - STREET.distort(uv - step)) / 2e-3
+        number = (STREET.distort(uv + step)[0] - STREET.distort(uv - step)[0]) / 2e-3
         np.testing.assert_allclose(slope[:, axis].T, number, atol=1e-5)
 
 
@@ -392,7 +392,7 @@ def test_a_vehicle_of_unknown_kind_may_be_any(kind):
     rng, n = np.random.default_rng(4), 300
     shape = SHAPES[kind]
     uv = rng.uniform((0.25, 0.35), (0.75, 0.7), (n, 2)) * STREET.image_size
-    xy = STREET.locate(STREET.undistort(uv)[0])[0]
+    xy = STREET.locate(uv)[0]
     heading = rng.uniform(-np.pi, np.pi, n)
     size = shape.size_m * np.exp(rng.multivariate_normal(np.zeros(3), shape.log_covariance, n))
     boxes, _ = boxes_of(STREET, shape.points, size, heading, xy)

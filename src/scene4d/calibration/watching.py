@@ -197,7 +197,7 @@ def _people_detector(
 def person_px(camera: Camera, rows: np.ndarray, person_height_m: float) -> np.ndarray:
     """Height in pixels of a person with feet at image ``rows``, mid-width; NaN: nobody can be."""
     middle = np.full(len(rows), (camera.image_size[0] - 1) / 2)
-    xy, valid = camera.locate(camera.undistort(np.column_stack([middle, rows]).astype(float))[0])
+    xy, valid = camera.locate(np.column_stack([middle, rows]))
     head, seen = camera.project(np.column_stack([xy, np.full(len(xy), person_height_m)]))
-    height = np.asarray(rows, float) - camera.distort(head)[:, 1]
+    height = np.asarray(rows, float) - head[:, 1]
     return np.where(valid & seen & (height > 0), height, np.nan)

@@ -69,15 +69,12 @@ def _write_all(result: Run, folder: Path, command: str | None) -> None:
     from scene4d.core.tables import write_people
 
     found = result.calibration
-    camera = found.camera
     write_report(
         folder,
         found,
         image_bgr=result.image_bgr,
         people_bgr=result.people_bgr,
-        ground_sigma_m=None
-        if camera is None or not found
-        else lambda uv: found.ground_sigma_m(camera.distort(uv)),
+        ground_sigma_m=found.ground_sigma_m if found else None,
         network=None if result.reading is None else result.reading.camera,
         source_name=result.source_name,
         command=command,
@@ -105,7 +102,7 @@ def _people_table(found: Calibration) -> dict[str, np.ndarray]:
     nowhere = np.full((n, 2), np.nan)
     on_ground = nowhere
     if found and found.camera is not None:
-        on_ground = found.camera.locate(found.camera.undistort(segments.foot_uv)[0])[0]
+        on_ground = found.camera.locate(segments.foot_uv)[0]
     return {
         "frame": segments.frame,
         "time_s": segments.time_s,

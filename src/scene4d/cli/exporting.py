@@ -94,9 +94,8 @@ def _anchored(camera: Camera, points: Sequence[GroundPoint]) -> "GeoAnchor":
     from scene4d.formats.scenes import GeoAnchor
 
     uv = np.array([[p.u, p.v] for p in points])
-    straight, seen = camera.undistort(uv)
-    xy, on_ground = camera.locate(straight)
-    bad = np.flatnonzero(~(seen & on_ground))
+    xy, on_ground = camera.locate(uv)
+    bad = np.flatnonzero(~on_ground)
     if len(bad):
         raise InputError(
             f"anchor {bad[0] + 1}: pixel ({uv[bad[0], 0]:g}, {uv[bad[0], 1]:g}) does "

@@ -11,6 +11,7 @@ from scene4d.core.camera import SCHEMA, Camera
 from scene4d.core.errors import InputError
 from scene4d.core.files import read_json
 from scene4d.core.people import PERSON_HEIGHT_M, Segments
+from scene4d.core.points import PointsLike, as_points
 
 PARAMETERS: tuple[str, ...] = (
     "log_focal",
@@ -147,9 +148,7 @@ class Calibration:
         and validity; NaN at and above the horizon. Raises :class:`InputError` without a camera.
         """
         camera = self._camera()
-        undistorted, valid = camera.undistort(uv)
-        xy, on_ground = camera.locate(undistorted)
-        valid = valid & on_ground
+        xy, valid = camera.locate(uv)
         known = np.ones(5, bool) if self.covariance is None else np.diag(self.covariance) == 0
         columns = []
         for index in range(len(PARAMETERS)):
@@ -161,7 +160,7 @@ class Calibration:
                 step = np.zeros(5)
                 step[index] = sign * _STEP
                 other = camera.disturbed(step)
-                there, ok = other.locate(other.undistort(uv)[0])
+                there, ok = other.locate(uv)
                 valid &= ok
                 ends.append(there)
             columns.append((ends[1] - ends[0]) / (2 * _STEP))
@@ -171,14 +170,19 @@ class Calibration:
         return xy, jacobian, valid
 
     def ground_sigma_m(
-        self, uv: Float[np.ndarray, "n 2"], *, from_camera: bool = False
-    ) -> Float[np.ndarray, "n"]:
+        self, uv: PointsLike, *, from_camera: bool = False, undistorted: bool = False
+    ) -> Float[np.ndarray, "*n"]:
         """Root-mean-square error (m) of the ground position at pixels of the footage, or NaN.
 
-        See :meth:`ground_covariance` for ``from_camera``.
+        ``uv`` and ``undistorted`` are as for :meth:`Camera.locate`, ``from_camera`` as for
+        :meth:`ground_covariance`.
         """
-        covariance, _ = self.ground_covariance(uv, from_camera=from_camera)
-        return np.sqrt(np.trace(covariance, axis1=1, axis2=2))
+        points, single = as_points(uv)
+        if undistorted:
+            points, _ = self._camera().distort(points)
+        covariance, _ = self.ground_covariance(points, from_camera=from_camera)
+        sigma_m: np.ndarray = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
+        return sigma_m.reshape(()) if single else sigma_m
 
     def _camera(self) -> Camera:
         if self.camera is None:

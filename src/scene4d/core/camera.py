@@ -1,6 +1,7 @@
 """The camera and its lens: immutable values with the few operations everybody needs."""
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,6 +11,7 @@ from jaxtyping import Bool, Float
 from scene4d.core import geometry
 from scene4d.core.errors import InputError
 from scene4d.core.files import read_json, write_json
+from scene4d.core.points import ImageSize, PointsLike, as_image_size, as_points
 
 SCHEMA = "scene4d/camera/1"
 _ASPECT_TOLERANCE = 0.01
@@ -28,9 +30,11 @@ def _frozen(values: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
     return array
 
 
-def _check_size(image_size: tuple[int, int]) -> None:
-    if min(image_size) < 1:
-        raise InputError(f"image_size must be positive, found {image_size}")
+def _unwrapped(
+    values: np.ndarray, valid: np.ndarray, single: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Values and validity of a single point, which was given as one, without their first axis."""
+    return (values[0], valid.reshape(())) if single else (values, valid)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,11 +45,12 @@ class Lens:
     (width, height) in pixels. Raises :class:`InputError` for values that are no lens.
     """
 
-    image_size: tuple[int, int]
+    image_size: ImageSize
     K: Float[np.ndarray, "3 3"]
     distortion: Float[np.ndarray, "5"] = field(default_factory=lambda: np.zeros(5))
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "image_size", as_image_size(self.image_size))
         object.__setattr__(self, "K", _frozen(self.K, (3, 3), "K"))
         object.__setattr__(self, "distortion", _frozen(self.distortion, (5,), "distortion"))
         if self.K[0, 0] <= 0 or self.K[1, 1] <= 0:
@@ -55,16 +60,15 @@ class Lens:
                 "K must be upper triangular with last row 0 0 1 (pixel = K x / z), "
                 f"found {self.K.tolist()}"
             )
-        _check_size(self.image_size)
 
-    def scaled_to(self, image_size: tuple[int, int]) -> "Lens":
+    def scaled_to(self, image_size: ImageSize) -> "Lens":
         """The same lens for frames of another size; raises where the aspect differs by over 1 %.
 
         Pixel centres lie at integers, so a coordinate scales as ``(u + 0.5) s - 0.5``.
         """
+        image_size = as_image_size(image_size)
         if image_size == self.image_size:
             return self
-        _check_size(image_size)
         sx, sy = image_size[0] / self.image_size[0], image_size[1] / self.image_size[1]
         if abs(sx / sy - 1) > _ASPECT_TOLERANCE:
             raise InputError(
@@ -75,15 +79,15 @@ class Lens:
         scale = np.array([[sx, 0, (sx - 1) / 2], [0, sy, (sy - 1) / 2], [0, 0, 1]])
         return replace(self, image_size=image_size, K=scale @ self.K)
 
-    def distort(self, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        """Undistorted pixels to pixels of the footage."""
-        return geometry.distort(uv, self.K, self.distortion)
+    def distort(self, uv: PointsLike) -> tuple[Float[np.ndarray, "*n 2"], Bool[np.ndarray, "*n"]]:
+        """Undistorted pixels to pixels of the footage, and which of them the lens can show."""
+        points, single = as_points(uv)
+        return _unwrapped(*geometry.distort(points, self.K, self.distortion), single)
 
-    def undistort(
-        self, uv: Float[np.ndarray, "n 2"]
-    ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+    def undistort(self, uv: PointsLike) -> tuple[Float[np.ndarray, "*n 2"], Bool[np.ndarray, "*n"]]:
         """Pixels of the footage to undistorted pixels (same K), and which have one."""
-        return geometry.undistort(uv, self.K, self.distortion)
+        points, single = as_points(uv)
+        return _unwrapped(*geometry.undistort(points, self.K, self.distortion), single)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -115,7 +119,7 @@ class Camera(Lens):
     def from_pose(
         cls,
         *,
-        image_size: tuple[int, int],
+        image_size: ImageSize,
         focal_px: float,
         tilt_rad: float,
         roll_rad: float,
@@ -124,6 +128,7 @@ class Camera(Lens):
         centre_uv: tuple[float, float] | None = None,
     ) -> "Camera":
         """The camera of scene4d's world: above the origin, heading along +Y, ground at Z = 0."""
+        image_size = as_image_size(image_size)
         cu, cv = centre_uv or ((image_size[0] - 1) / 2, (image_size[1] - 1) / 2)
         R = geometry.rotation_from_tilt_roll(tilt_rad, roll_rad)
         return cls(
@@ -170,16 +175,44 @@ class Camera(Lens):
         return float(self.centre_m[2])
 
     def project(
-        self, xyz_m: Float[np.ndarray, "n 3"]
-    ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
-        """World points to undistorted pixels ``(uv, valid)``; see :meth:`Lens.distort`."""
-        return geometry.project(self.P, xyz_m)
+        self, xyz_m: np.ndarray | Sequence[Any], *, undistorted: bool = False
+    ) -> tuple[Float[np.ndarray, "*n 2"], Bool[np.ndarray, "*n"]]:
+        """World points, or one, to pixels of the footage ``(uv, valid)``.
+
+        Invalid (NaN) behind the camera and where the lens model does not reach. The pixels are
+        undistorted ones with ``undistorted``.
+        """
+        points, single = as_points(xyz_m, 3, "xyz_m")
+        uv, valid = geometry.project(self.P, points)
+        if not undistorted:
+            uv, valid = geometry.distort(uv, self.K, self.distortion)
+        return _unwrapped(uv, valid, single)
 
     def locate(
-        self, uv: Float[np.ndarray, "n 2"], height_m: float | Float[np.ndarray, "n"] = 0.0
-    ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
-        """Undistorted pixels to world ``(xy_m, valid)`` on the plane ``Z = height_m``."""
-        return geometry.locate(self.P, uv, height_m)
+        self,
+        uv: PointsLike,
+        height_m: float | np.ndarray | Sequence[float] = 0.0,
+        *,
+        undistorted: bool = False,
+    ) -> tuple[Float[np.ndarray, "*n 2"], Bool[np.ndarray, "*n"]]:
+        """Pixels of the footage to world ``(xy_m, valid)`` on the plane ``Z = height_m``.
+
+        ``uv`` is an array or a list of points, one point, or boxes with ``xyxy`` (such as
+        ``supervision.Detections``), which stand where their bottom centres are. Invalid (NaN) at
+        and above the horizon, and where the lens model does not reach. The pixels are
+        undistorted ones with ``undistorted``.
+        """
+        points, single = as_points(uv)
+        if not undistorted:
+            points, _ = geometry.undistort(points, self.K, self.distortion)
+        height = np.asarray(height_m, float)
+        if height.shape not in ((), (len(points),)):
+            raise InputError(
+                f"height_m: expected a number or {len(points)} of them, found {height.shape}"
+            )
+        return _unwrapped(
+            *geometry.locate(self.P, points, np.broadcast_to(height, len(points))), single
+        )
 
     def disturbed(self, step: Float[np.ndarray, "5"]) -> "Camera":
         """The camera moved by (log f, tilt, roll, log height, corner distortion); heading kept.

@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from scene4d.core import geometry
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
+from scene4d.core.points import ImageSize, PointsLike, as_image_size, as_points
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,11 +23,12 @@ class GroundMap:
     be far away (UTM).
     """
 
-    image_size: tuple[int, int]
+    image_size: ImageSize
     ground_from_uv: Float[np.ndarray, "3 3"]
     mirrored: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "image_size", as_image_size(self.image_size))
         H = np.array(self.ground_from_uv, float)
         if H.shape != (3, 3) or not np.isfinite(H).all():
             raise InputError(f"homography: expected 3x3 finite numbers, found {H.tolist()}")
@@ -49,11 +51,11 @@ class GroundMap:
         object.__setattr__(self, "ground_from_uv", H)
         object.__setattr__(self, "mirrored", mirrored)
 
-    def locate(
-        self, uv: Float[np.ndarray, "n 2"]
-    ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
-        """Pixels of the footage to ground ``(xy_m, valid)``."""
-        return geometry.apply_homography(self.ground_from_uv, uv)
+    def locate(self, uv: PointsLike) -> tuple[Float[np.ndarray, "*n 2"], Bool[np.ndarray, "*n"]]:
+        """Pixels of the footage to ground ``(xy_m, valid)``, given as to :meth:`Camera.locate`."""
+        points, single = as_points(uv)
+        xy_m, valid = geometry.apply_homography(self.ground_from_uv, points)
+        return (xy_m[0], valid.reshape(())) if single else (xy_m, valid)
 
     def camera(self) -> Camera:
         """The camera with square pixels, principal point in the middle and no distortion whose

@@ -15,7 +15,7 @@ from scene4d.core.camera import Camera
 from scene4d.drawing import style
 from scene4d.drawing.ground import Area, footprints, grid_step, grid_values, thinned, walked_area
 from scene4d.drawing.overlay import people_of
-from scene4d.drawing.scenery import before_fold, in_frame
+from scene4d.drawing.scenery import in_frame
 
 _MAX_SIDE_PX = 1100
 MAX_DOTS = 1500
@@ -73,10 +73,8 @@ def rectify(
     """
     metres = max(area.width, area.depth) / max_side_px
     columns, rows = (max(round(side / metres), 2) for side in (area.width, area.depth))
-    pinhole = camera.project(_lattice(area, columns, rows))[0]
-    uv = camera.distort(pinhole)
-    seen = in_frame(uv, camera.image_size) & before_fold(camera, pinhole)
-    seen = seen.reshape(rows, columns)
+    uv, _ = camera.project(_lattice(area, columns, rows))
+    seen = in_frame(uv, camera.image_size).reshape(rows, columns)
     if image_bgr is None:
         return Rectified(area, None, seen)
     uv = np.nan_to_num(uv, nan=-1e4).clip(-1e4, 1e4).reshape(rows, columns, 2)

@@ -40,8 +40,7 @@ class Area:
 
 def footprints(camera: Camera, segments: Segments) -> Float[np.ndarray, "n 2"]:
     """Ground position of every segment's foot; NaN where its ray meets no ground."""
-    undistorted, _ = camera.undistort(segments.foot_uv)
-    return camera.locate(undistorted, _foot_height(segments))[0]
+    return camera.locate(segments.foot_uv, _foot_height(segments))[0]
 
 
 def _foot_height(segments: Segments) -> Float[np.ndarray, "n"]:

@@ -4,7 +4,6 @@ Each curve is an (n, 2) array with NaN where it cannot be seen.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -13,10 +12,6 @@ from scene4d.core import geometry
 from scene4d.core.camera import Camera
 from scene4d.drawing.ground import Area, grid_values, spread
 from scene4d.drawing.uncertainty import Z95, propagated, rays
-
-_FOLD_PX = 1e-2
-_WIDEST_RAD = np.radians(87)
-_DIRECTIONS = 180
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,62 +32,9 @@ def in_frame(
         return np.all((uv >= low) & (uv <= high), axis=1)
 
 
-def through_lens(
-    camera: Camera, uv: Float[np.ndarray, "n 2"]
-) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
-    """Undistorted pixels to pixels of the footage, and which of them the lens can really see.
-
-    A barrel polynomial folds: far outside its range it throws points back into the image. Only
-    points before the fold are seen.
-    """
-    frame = camera.distort(uv)
-    valid = before_fold(camera, uv)
-    frame[~valid] = np.nan
-    return frame, valid
-
-
-def before_fold(camera: Camera, uv: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, "n"]:
-    """Which undistorted pixels lie before the fold of the lens model; false where NaN."""
-    if not np.any(camera.distortion):
-        return np.all(np.isfinite(uv), axis=1)
-    angle, radius = _fold(camera)
-    ray = (uv - camera.K[:2, 2]) @ np.linalg.inv(camera.K[:2, :2]).T
-    limit = np.interp(np.arctan2(ray[:, 1], ray[:, 0]), angle, radius, period=2 * np.pi)
-    with np.errstate(invalid="ignore"):
-        return np.hypot(ray[:, 0], ray[:, 1]) <= limit
-
-
-@lru_cache(maxsize=4)
-def _fold(camera: Camera) -> tuple[Float[np.ndarray, "k"], Float[np.ndarray, "k"]]:
-    """Radius of the fold (normalised coordinates) by direction about the principal point.
-
-    The first radius whose point does not survive the way through the lens and back: marched, as
-    some polynomials are invertible again further out, then bisected.
-    """
-    angle = np.linspace(-np.pi, np.pi, _DIRECTIONS, endpoint=False)
-    outward = np.column_stack([np.cos(angle), np.sin(angle)]) @ camera.K[:2, :2].T
-
-    def survives(radius: np.ndarray) -> np.ndarray:
-        uv = (camera.K[:2, 2] + radius[..., None] * outward).reshape(-1, 2)
-        back, valid = camera.undistort(camera.distort(uv))
-        with np.errstate(invalid="ignore"):
-            near = np.abs(back - uv).max(axis=1) <= _FOLD_PX
-        return np.reshape(valid & near, radius.shape)
-
-    march = np.tan(np.linspace(0, _WIDEST_RAD, 120))
-    lost = ~survives(np.repeat(march[:, None], _DIRECTIONS, axis=1))
-    first = np.where(lost.any(axis=0), lost.argmax(axis=0), len(march) - 1)
-    low, high = march[np.maximum(first - 1, 0)], march[first]
-    for _ in range(20):
-        middle = (low + high) / 2
-        seen = survives(middle)
-        low, high = np.where(seen, middle, low), np.where(seen, high, middle)
-    return angle, low
-
-
 def image_of(camera: Camera, xyz_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 2"]:
     """Pixels of the footage that show these world points; NaN where none does."""
-    return through_lens(camera, camera.project(xyz_m)[0])[0]
+    return camera.project(xyz_m)[0]
 
 
 def horizon_curve(camera: Camera, samples: int = 801) -> Float[np.ndarray, "n 2"]:
@@ -111,7 +53,7 @@ def horizon_curve(camera: Camera, samples: int = 801) -> Float[np.ndarray, "n 2"
     reach = 4 * length * max(1.0, float(np.hypot(*camera.image_size)) / camera.focal_px)
     s = np.linspace(-reach, reach, samples)[:, None]
     homogeneous = (forward + s * right) @ (camera.K @ camera.R).T
-    frame, _ = through_lens(camera, homogeneous[:, :2] / homogeneous[:, 2:])
+    frame, _ = camera.distort(homogeneous[:, :2] / homogeneous[:, 2:])
     frame[~in_frame(frame, camera.image_size, float(max(camera.image_size)))] = np.nan
     return frame
 
@@ -158,7 +100,7 @@ def vertical_ticks(
     step = towards[keep] / reach[keep, None] * half
     fraction = np.linspace(-1, 1, 7)[:, None]
     curves = at[keep][:, None] + step[:, None] * fraction
-    return through_lens(camera, curves.reshape(-1, 2))[0].reshape(curves.shape)
+    return camera.distort(curves.reshape(-1, 2))[0].reshape(curves.shape)
 
 
 def nadir_pixel(camera: Camera) -> Float[np.ndarray, "2"] | None:
@@ -166,7 +108,7 @@ def nadir_pixel(camera: Camera) -> Float[np.ndarray, "2"] | None:
     x, y, w = geometry.vertical_vanishing_point(camera.K, camera.R)
     if w <= 1e-9:
         return None
-    uv, _ = through_lens(camera, np.array([[x / w, y / w]]))
+    uv, _ = camera.distort([[x / w, y / w]])
     return uv[0] if in_frame(uv, camera.image_size)[0] else None
 
 

@@ -54,11 +54,7 @@ class Reference:
         self, uv: Float[np.ndarray, "n 2"]
     ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
         """True ground positions of pixels of the footage."""
-        if isinstance(self.truth, GroundMap):
-            return self.truth.locate(uv)
-        straight, seen = self.truth.undistort(uv)
-        xy, on_ground = self.truth.locate(straight)
-        return xy, seen & on_ground
+        return self.truth.locate(uv)
 
     @cached_property
     def walked_uv(self) -> Float[np.ndarray, "n 2"]:
@@ -92,7 +88,7 @@ class Reference:
         """
         self._same_size(estimated.image_size)
         uv = self.in_frame_of(self.points_uv, undistorted=undistorted)
-        estimated_xy, _ = estimated.locate(estimated.undistort(uv)[0])
+        estimated_xy, _ = estimated.locate(uv)
         return correspondence_error(estimated_xy, self.locate(self.points_uv)[0])
 
     def predicted_m(self, found: Calibration, *, undistorted: bool = False) -> float:

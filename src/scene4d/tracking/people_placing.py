@@ -105,7 +105,7 @@ def _centring(ends: Ends, camera: Camera, place: Callable[[Ends, Rays], Placed])
         boxes = ends.select(rows)
         xy = place(boxes, Rays.through(camera, boxes.uv)).xy_m
         foot, head = (
-            camera.distort(camera.project(np.column_stack([xy, np.full(len(xy), z)]))[0])
+            camera.project(np.column_stack([xy, np.full(len(xy), z)]))[0]
             for z in (0.0, PERSON_HEIGHT_M)
         )
         shift[rows, 0] = np.nan_to_num(boxes.uv[:, 0] - (foot + head)[:, 0] / 2)

@@ -77,5 +77,5 @@ def shared_covariance(
         return found
     uv, seen = camera.project(np.column_stack([xy_m[rows], np.zeros(int(rows.sum()))]))
     rows[rows] = seen
-    found[rows] = calibration.ground_covariance(camera.distort(uv[seen]), from_camera=True)[0]
+    found[rows] = calibration.ground_covariance(uv[seen], from_camera=True)[0]
     return found

@@ -89,7 +89,7 @@ def _undistortion(camera: Camera, flat: np.ndarray) -> np.ndarray:
         return np.broadcast_to(np.eye(2), (len(flat), 2, 2))
     with np.errstate(all="ignore"):  # pixels without a ray
         columns = [
-            (camera.distort(flat + step) - camera.distort(flat - step)) / (2 * _STEP_PX)
+            (camera.distort(flat + step)[0] - camera.distort(flat - step)[0]) / (2 * _STEP_PX)
             for step in _STEP_PX * np.eye(2)
         ]
         (a, c), (b, d) = columns[0].T, columns[1].T

@@ -80,7 +80,13 @@ class Outline:
         width, height = self._camera.image_size
         u, v = np.meshgrid(np.linspace(0, width - 1, 9), np.linspace(0, height - 1, 9))
         uv, valid = self._camera.undistort(np.column_stack([u.ravel(), v.ravel()]))
-        return float(self._radius2(*uv[valid].T).max(initial=0.01))
+        reach2 = float(self._radius2(*uv[valid].T).max(initial=0.01))
+        # A tangential lens folds earlier to one side: all sides must be seen out to the reach.
+        angle = np.linspace(0, 2 * np.pi, 36, endpoint=False)
+        circle = np.column_stack([np.cos(angle), np.sin(angle)]) @ self._camera.K[:2, :2].T
+        while not self._camera.distort(self._camera.K[:2, 2] + np.sqrt(reach2) * circle)[1].all():
+            reach2 *= 0.98
+        return reach2
 
     def _radius2(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         K = self._camera.K
@@ -101,7 +107,7 @@ class Outline:
         return centre + (self._bent(centre + (uv - centre) * shrink) - centre) / shrink
 
     def _bent(self, uv: np.ndarray) -> np.ndarray:
-        return self._camera.distort(uv.reshape(2, -1).T).T.reshape(uv.shape)
+        return self._camera.distort(uv.reshape(2, -1).T)[0].T.reshape(uv.shape)
 
     def lens_slope(self, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "2 2 n"]:
         """Derivative of the footage's pixels by undistorted ones, at undistorted ones."""

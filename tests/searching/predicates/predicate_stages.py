@@ -168,12 +168,11 @@ class View:
         """Pixels of the footage (distorted) of points of the made-up world."""
         uv, valid = self.camera.project(self.placed(xyz_m).reshape(-1, 3))
         assert valid.all()
-        return self.camera.distort(uv).reshape(*xyz_m.shape[:-1], 2)
+        return uv.reshape(*xyz_m.shape[:-1], 2)
 
     def located(self, uv: np.ndarray) -> np.ndarray:
-        straight_uv, seen = self.camera.undistort(uv)
-        xy, valid = self.camera.locate(straight_uv)
-        assert (seen & valid).all()
+        xy, valid = self.camera.locate(uv)
+        assert valid.all()
         return xy
 
     def ground_covariance(self, uv: np.ndarray, sigma_px: float) -> np.ndarray:

@@ -14,7 +14,6 @@ from scene4d.core.camera import Camera
 from scene4d.drawing import style
 from scene4d.drawing.ground import thinned
 from scene4d.drawing.overlay import people_of
-from scene4d.drawing.scenery import before_fold
 
 _LEVELS_M = (0.25, 0.5, 1.0, 2.0, 5.0)
 _OPACITY = 0.5
@@ -26,7 +25,7 @@ def draw_error_map(
     ground_sigma_m: Callable[[np.ndarray], np.ndarray],
     image_bgr: np.ndarray | None = None,
 ) -> bytes:
-    """PNG of the frame under colour bands of ``ground_sigma_m`` (undistorted pixels to metres)."""
+    """PNG of the frame under colour bands of ``ground_sigma_m``, by pixels of the footage."""
     if calibration.camera is None:
         raise ValueError("an error map needs a camera")
     fig, axes, strip = style.picture(image_bgr, calibration.image_size, grey=True)
@@ -49,8 +48,8 @@ def error_grid(
     width, height = camera.image_size
     rows = max(round(columns * height / width), 2)
     u, v = np.linspace(-0.5, width - 0.5, columns), np.linspace(-0.5, height - 0.5, rows)
-    uv, valid = camera.undistort(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
-    valid &= before_fold(camera, uv)
+    uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    valid = camera.undistort(uv)[1]
     sigma = np.full(len(uv), np.nan)
     sigma[valid] = ground_sigma_m(uv[valid])
     return u, v, np.minimum(sigma, _CAP_M).reshape(rows, columns)

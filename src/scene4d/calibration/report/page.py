@@ -34,12 +34,12 @@ def write_report(
     """Write ``figures/*.png`` and then ``report.html`` into ``out_dir``; returns the page's path.
 
     ``image_bgr`` is the scene as decoded (h, w, 3) uint8, ``people_bgr`` a frame with people in it
-    for the first figure (else the scene serves), ``ground_sigma_m`` maps undistorted
-    pixels (n, 2) to the predicted radial error (n,) in metres, NaN above the horizon; ``network``
-    is a camera, of whatever height, as the orientation network reads it; ``timings`` are seconds by
-    stage. All figures are drawn before the first file is written; figures of an
-    earlier report that this one lacks are removed. Raises :class:`InputError` for a frame of
-    another size, :class:`OutputError` where the folder cannot be written.
+    for the first figure (else the scene serves), ``ground_sigma_m`` maps pixels of the footage
+    (n, 2) to the predicted radial error (n,) in metres, NaN above the horizon; ``network`` is a
+    camera, of whatever height, as the orientation network reads it; ``timings`` are seconds by
+    stage. All figures are drawn before the first file is written; figures of an earlier report that
+    this one lacks are removed. Raises :class:`InputError` for a frame of another size,
+    :class:`OutputError` where the folder cannot be written.
     """
     from scene4d.drawing.style import checked_image
 

@@ -45,11 +45,34 @@ def _distort_normalised(xy: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.n
 
 def distort(
     uv: Float[np.ndarray, "n 2"], K: Float[np.ndarray, "3 3"], distortion: Float[np.ndarray, "5"]
-) -> Float[np.ndarray, "n 2"]:
-    """Undistorted pixels to the pixels that the lens makes of them."""
+) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+    """Undistorted pixels to the pixels where the lens shows them, and which of them it can show.
+
+    A barrel polynomial folds: from some radius on it throws points back into the image. Those
+    points are invalid.
+    """
     if not np.any(distortion):
-        return uv.copy()
-    return _pixels(_distort_normalised(_normalise(uv, K), distortion)[0], K)
+        return _where_finite(uv)
+    with np.errstate(all="ignore"):  # pixels that are not finite are invalid
+        xy = _normalise(uv, K)
+        bent, jacobian = _distort_normalised(xy, distortion)
+        valid = _before_fold(xy, jacobian, _fold_radius(distortion))
+    bent[~valid] = np.nan
+    return _pixels(bent, K), valid
+
+
+def _where_finite(uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    valid = np.isfinite(uv).all(axis=1)
+    return np.where(valid[:, None], uv, np.nan), valid
+
+
+def _before_fold(xy: np.ndarray, jacobian: np.ndarray, fold: float) -> np.ndarray:
+    """Where the map is still on its first branch: there it keeps its orientation, so that its
+    Jacobian's determinant is positive. False where a value is not finite.
+    """
+    j = jacobian
+    det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
+    return (np.hypot(xy[:, 0], xy[:, 1]) < fold) & (det > 0) & np.isfinite(det)
 
 
 def _fold_radius(d: np.ndarray) -> float:
@@ -105,8 +128,7 @@ def undistort(
     fold and has a solution there.
     """
     if not np.any(distortion):
-        valid = np.isfinite(uv).all(axis=1)
-        return np.where(valid[:, None], uv, np.nan), valid
+        return _where_finite(uv)
     fold = _fold_radius(distortion)
     with np.errstate(all="ignore"):  # pixels that are not finite are invalid
         target = _normalise(uv, K)
@@ -123,10 +145,7 @@ def undistort(
             if not np.any(np.hypot(step_x, step_y) > _TOLERANCE):
                 break
         value, j = _distort_normalised(xy, distortion)
-        # Before the fold the map keeps its orientation, so the determinant is positive.
-        det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
-        on_branch = (np.hypot(xy[:, 0], xy[:, 1]) < fold) & (det > 0)
-        valid = on_branch & (np.abs(value - target).max(axis=1) < 1e-9)
+        valid = _before_fold(xy, j, fold) & (np.abs(value - target).max(axis=1) < 1e-9)
     xy[~valid] = np.nan
     return _pixels(xy, K), valid
 

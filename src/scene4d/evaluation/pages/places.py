@@ -21,7 +21,7 @@ def _true_image(reference: Reference, xy_m: Float[np.ndarray, "n 2"]) -> Float[n
 
 def _located(camera: Camera, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
     """Ground points by a camera, of pixels of its footage; NaN above the horizon."""
-    return camera.locate(camera.undistort(uv)[0])[0]
+    return camera.locate(uv)[0]
 
 
 def both_grids(

@@ -98,11 +98,11 @@ class Stage:
         if self.camera is None:
             return np.ones(len(rows))
         xy = self.tracks.xy_m[rows]
-        ends = []
-        for height_m in (0.0, PERSON_HEIGHT_M):
-            uv, seen = self.camera.project(np.column_stack([xy, np.full(len(xy), height_m)]))
-            ends.append(np.where(seen[:, None], self.camera.distort(uv), np.nan))
-        return np.asarray(np.abs(ends[1] - ends[0])[:, 1] / PERSON_HEIGHT_M)
+        foot, head = (
+            self.camera.project(np.column_stack([xy, np.full(len(xy), height_m)]))[0]
+            for height_m in (0.0, PERSON_HEIGHT_M)
+        )
+        return np.asarray(np.abs(head - foot)[:, 1] / PERSON_HEIGHT_M)
 
     def rows(self, index: Int[np.ndarray, "m"]) -> "Rows":
         """These rows, in this order; one may come often."""

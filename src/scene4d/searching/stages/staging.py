@@ -146,7 +146,7 @@ class FactorsWhenAsked:
         rows = np.flatnonzero(np.isfinite(xy_m).all(axis=1))
         uv, seen = self._camera.project(np.column_stack([xy_m[rows], np.zeros(len(rows))]))
         rows = rows[seen]
-        _, jacobian, _ = self._calibration.ground_jacobian(self._camera.distort(uv[seen]))
+        _, jacobian, _ = self._calibration.ground_jacobian(uv[seen])
         factor[rows] = jacobian @ self._root
         return factor
 
