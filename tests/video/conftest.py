@@ -46,22 +46,36 @@ def write_video(tmp_path: Path) -> Writer:
         b_frames: int = 2,
         size: tuple[int, int] = SIZE,
         times_ms: Sequence[int] | None = None,
-        rotation: int | None = None,
+        turned: tuple[int, bool, bool] | None = None,
         container: dict[str, str] | None = None,
+        sound: bool = False,
     ) -> Path:
         path = tmp_path / name
         with av.open(str(path), "w", options=container or {}) as out:
             options = {"g": str(gop), "bf": str(b_frames), "threads": "1"}
             if codec == "libx264":
                 options |= {"preset": "ultrafast", "sc_threshold": "0", "keyint_min": str(gop)}
+            if codec == "libx265":
+                quiet = f"log-level=none:keyint={gop}:min-keyint={gop}:bframes={b_frames}"
+                options |= {"preset": "ultrafast", "x265-params": quiet}
+            if codec == "libsvtav1":
+                options = {"g": str(gop), "preset": "8", "crf": "15", "svtav1-params": "lp=1"}
             stream = out.add_stream(codec, rate=rate, options=options)
             stream.width, stream.height = size
             stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
             if times_ms is not None:
                 stream.codec_context.time_base = Fraction(1, 1000)
-            if rotation is not None:
-                stream.set_display_rotation(rotation)
+            if turned is not None:
+                degrees, hflip, vflip = turned
+                stream.set_display_rotation(degrees, hflip=hflip, vflip=vflip)
+            if sound:
+                voice = out.add_stream("aac", rate=8000)
+                silence = np.zeros((1, 1024), np.float32)
             for i in range(count):
+                if sound:
+                    quiet = av.AudioFrame.from_ndarray(silence, format="fltp", layout="mono")
+                    quiet.sample_rate, quiet.pts = 8000, 1024 * i
+                    out.mux(voice.encode(quiet))
                 frame = av.VideoFrame.from_ndarray(stamped(i, size), format="bgr24")
                 if times_ms is not None:
                     frame.pts, frame.time_base = int(times_ms[i]), Fraction(1, 1000)

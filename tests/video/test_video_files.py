@@ -9,7 +9,7 @@ import pytest
 from scene4d.core.errors import InputError, UnavailableError
 from scene4d.video import videofile
 from scene4d.video.reader import open_source
-from scene4d.video.stream import StreamSource, without_password
+from scene4d.video.stream import StreamSource, stream_name, without_password
 from scene4d.video.timeline import _from_packets
 
 FORMATS = [
@@ -21,6 +21,9 @@ FORMATS = [
     ("intra.avi", {"codec": "mjpeg", "b_frames": 0}),
     ("open_gop.mpg", {"codec": "mpeg2video"}),
     ("raw.h264", {}),
+    ("hevc.mp4", {"codec": "libx265"}),
+    ("av1.mp4", {"codec": "libsvtav1"}),
+    ("vp9.webm", {"codec": "libvpx-vp9"}),
 ]
 
 
@@ -49,6 +52,13 @@ def test_wanted_frames_are_exact_after_seeking(write_video, read_stamp, name, op
     assert not [w for w in source.warnings if "damaged" in w]
 
 
+def test_no_frame_of_a_long_av1_group_is_lost(write_video, read_stamp):
+    source = open_source(write_video("a.mp4", 150, codec="libsvtav1", gop=64))
+    for wanted in ([5, 40, 77, 149], range(3, 150)):
+        assert [read_stamp(f.image_bgr) for f in source.frames(wanted)] == list(wanted)
+    assert source.warnings == ()
+
+
 @pytest.mark.parametrize("b_frames", [0, 2])
 @pytest.mark.parametrize("name", ["vfr.mp4", "vfr.mkv"])
 def test_variable_rate_keeps_the_containers_times(write_video, read_stamp, name, b_frames):
@@ -73,18 +83,28 @@ def test_the_index_and_the_packets_tell_the_same_times(write_video):
     assert np.flatnonzero(table.is_key).tolist() == [0, 20, 40, 60]
 
 
-@pytest.mark.parametrize("rotation", [0, 90, 180, -90])
-def test_rotation_metadata_turns_the_picture(write_video, rotation):
+# ISO 14496-12, 8.3.2 by way of FFmpeg: a display rotation turns counter-clockwise, and mirrors
+# after it. OpenCV's VideoCapture is no reference here: 4.11 leaves out every turn.
+TURNS = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, -90: cv2.ROTATE_90_CLOCKWISE}
+
+
+@pytest.mark.parametrize(("hflip", "vflip"), [(False, False), (True, False), (False, True)])
+@pytest.mark.parametrize("degrees", [0, 90, 180, -90])
+def test_the_display_matrix_turns_and_mirrors_the_picture(write_video, degrees, hflip, vflip):
     upright = next(open_source(write_video("upright.mp4", 3)).frames()).image_bgr
-    source = open_source(write_video("turned.mp4", 3, rotation=rotation))
+    source = open_source(write_video("turned.mp4", 3, turned=(degrees, hflip, vflip)))
     image = next(source.frames()).image_bgr
-    # ISO 14496-12, 8.3.2 by way of FFmpeg: a display rotation turns counter-clockwise. OpenCV's
-    # VideoCapture is no reference here: 4.11 leaves out every turn.
-    turns = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, 180: cv2.ROTATE_180, -90: cv2.ROTATE_90_CLOCKWISE}
-    reference = cv2.rotate(upright, turns[rotation]) if rotation else upright
+    reference = cv2.rotate(upright, TURNS[degrees]) if degrees else upright
+    if hflip or vflip:
+        reference = cv2.flip(reference, 1 if hflip else 0)
     assert source.image_size == image.shape[1::-1] == reference.shape[1::-1]
     assert np.abs(image.astype(int) - reference).max() <= 3
     assert image.flags.c_contiguous
+
+
+def test_a_slanting_display_matrix_is_refused(write_video):
+    with pytest.raises(InputError, match=r"turns the picture by (29|30) degrees"):
+        open_source(write_video("slanting.mp4", 3, turned=(30, False, False)))
 
 
 def test_two_iterators_of_one_source_do_not_disturb_each_other(write_video, read_stamp):
@@ -132,13 +152,17 @@ def test_a_truncated_mp4_without_its_index_names_the_cause(write_video):
         open_source(cut(write_video("a.mp4"), 0.6))
 
 
+def overwritten(path: Path, at: float, count: int) -> Path:
+    data = bytearray(path.read_bytes())
+    middle = int(len(data) * at)
+    data[middle : middle + count] = np.random.default_rng(0).bytes(count)
+    path.write_bytes(data)
+    return path
+
+
 def test_damage_in_the_middle_costs_only_frames(write_video, read_stamp):
     path = write_video("a.mp4", 100, b_frames=0)
-    data = bytearray(path.read_bytes())
-    middle = int(len(data) * 0.4)
-    data[middle : middle + 900] = np.random.default_rng(0).bytes(900)
-    path.write_bytes(data)
-    source = open_source(path)
+    source = open_source(overwritten(path, 0.4, 900))
     assert source.warnings == ()
     frames = list(source.frames())
     lost = 100 - len(frames)
@@ -148,9 +172,40 @@ def test_damage_in_the_middle_costs_only_frames(write_video, read_stamp):
     assert [read_stamp(f.image_bgr) for f in late] == list(range(80, 100))
 
 
+@pytest.mark.parametrize(
+    ("name", "codec", "sound"),
+    [("a.mkv", "libx264", False), ("a.mkv", "libx264", True), ("a.webm", "libvpx-vp9", False)],
+)
+def test_frames_that_damage_hides_from_the_container_are_counted(write_video, name, codec, sound):
+    path = write_video(name, 60, codec=codec, sound=sound)
+    source = open_source(overwritten(path, 0.3, 900))
+    assert source.frame_count < 40
+    assert f"{source.frame_count} of 60 frames are there" in source.warnings[0]
+
+
+def test_a_recording_of_varying_rate_lacks_nothing(write_video):
+    times_ms = np.cumsum(np.random.default_rng(3).integers(20, 400, 60))
+    assert open_source(write_video("a.mkv", 60, times_ms=times_ms)).warnings == ()
+
+
+def test_a_paused_recording_of_constant_rate_is_noted(write_video):
+    times_ms = 40 * np.r_[0:30, 50:80]
+    source = open_source(write_video("a.mkv", 60, times_ms=times_ms))
+    assert "60 of 80 frames are there" in source.warnings[0]
+
+
+@pytest.mark.parametrize("b_frames", [0, 2])
+@pytest.mark.parametrize("wanted", [None, [30]])
+def test_frames_behind_damage_are_under_suspicion(write_video, b_frames, wanted):
+    path = write_video("a.mp4", 100, b_frames=b_frames)
+    source = open_source(overwritten(path, 0.3, 20))
+    list(source.frames(wanted))
+    assert "damaged behind 1 of its 5 key frames; frames there may show" in source.warnings[-1]
+
+
 def test_all_wanted_frames_damaged_is_an_error(write_video, monkeypatch):
     source = open_source(write_video("a.mp4"))
-    monkeypatch.setattr(videofile, "decode", lambda stream, packet: [])
+    monkeypatch.setattr(videofile, "decode", lambda stream, packet: ([], False))
     with pytest.raises(InputError, match="none of 2 frames can be decoded"):
         list(source.frames([3, 7]))
 
@@ -196,6 +251,19 @@ def test_what_is_no_video(tmp_path):
             open_source(path)
 
 
+def test_an_unknown_codec_is_named(write_video):
+    path = write_video("a.avi", codec="mpeg4")
+    path.write_bytes(path.read_bytes().replace(b"FMP4", b"ZQ9Z"))
+    with pytest.raises(InputError, match=r"a\.avi: its video codec is unknown"):
+        open_source(path)
+
+
+@pytest.mark.parametrize("size", [(9000, 2), (32_768, 16)])
+def test_a_video_too_flat_or_too_wide_is_refused(write_video, size):
+    with pytest.raises(InputError, match=f"found a picture of {size[0]}x{size[1]} pixels"):
+        open_source(write_video("a.mkv", 1, codec="ffv1", size=size))
+
+
 def test_the_pets_video(shared_data):
     source = open_source(shared_data / "pets2009" / "vtest.avi")
     assert (source.image_size, source.frame_count, source.fps) == ((768, 576), 795, 10)
@@ -225,6 +293,48 @@ def test_stream_frames_come_in_order_with_their_own_clock(write_video, read_stam
     expected = (times_ms[[2, 7, 9]] - times_ms[0]) / 1000
     assert np.allclose([f.time_s for f in first + second], expected, atol=2e-3)
     assert "ended before" in stream.warnings[0]
+
+
+class Lossy:
+    """A container whose connection breaks after some packets."""
+
+    def __init__(self, container, packets):
+        self.container, self.left = container, packets
+
+    def __getattr__(self, name):
+        return getattr(self.container, name)
+
+    def demux(self, stream):
+        import av
+
+        for packet in self.container.demux(stream):
+            self.left -= 1
+            if self.left < 0:
+                raise av.error.TimeoutError(110, "Connection timed out")
+            yield packet
+
+
+def test_a_lost_stream_says_so_and_when(write_video, monkeypatch):
+    import av
+
+    path, opened = str(write_video("a.mkv", 60, b_frames=0)), av.open
+    monkeypatch.setattr(av, "open", lambda *a, **k: Lossy(opened(*a, **k), 40))
+    with StreamSource(path) as stream:
+        count = len(list(stream.frames()))
+    assert 20 < count <= 40
+    (warning,) = stream.warnings
+    assert f"was lost (Connection timed out) after {(count - 1) / 25:.1f} s" in warning
+
+
+def test_a_stream_that_ends_says_so_and_a_recording_that_ends_does_not(write_video):
+    with StreamSource(str(write_video("a.mkv", 30))) as recording:
+        assert len(list(recording.frames())) == 30
+    assert recording.warnings == ()
+    with StreamSource(str(write_video("live.ts", 30, codec="mpeg2video"))) as live:
+        live._container = Lossy(live._container, 1000)
+        live._container.duration = None
+        list(live.frames())
+    assert "the stream ended after 1." in live.warnings[0]
 
 
 @pytest.mark.parametrize("url", ["rtsp://u:secret@cam/1", "HTTP://u:secret@host/live.m3u8"])
@@ -259,6 +369,19 @@ def test_no_part_of_a_password_is_shown(url):
     shown = without_password(url)
     assert "host" in shown
     assert "se@" not in shown and "cret" not in shown
+
+
+@pytest.mark.parametrize(
+    ("url", "name"),
+    [
+        ("rtsp://user:secret@10.0.0.7/Streaming/101", "10.0.0.7-Streaming-101"),
+        ("rtsp://10.0.0.7", "10.0.0.7"),
+        ("rtsp://10.0.0.8:554/101?channel=2", "10.0.0.8-554-101-channel-2"),
+        ("http://host/x.m3u8?token=secret", "host-x.m3u8-token"),
+    ],
+)
+def test_a_stream_is_called_by_its_host_and_path(url, name):
+    assert stream_name(url) == name
 
 
 def test_an_unknown_scheme_names_those_that_are_read():

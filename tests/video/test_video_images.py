@@ -1,5 +1,7 @@
 """Images as footage: order, formats, and what is refused."""
 
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -102,6 +104,25 @@ def test_damaged_images_are_left_out_and_counted(tmp_path):
     (warning,) = source.warnings
     assert "2 of 4 images were left out" in warning
     assert "a0.jpg: is empty" in warning
+
+
+def png_header(width: int, height: int) -> bytes:
+    """The beginning of a PNG file of that size, without any pixels (RFC 2083)."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        crc = zlib.crc32(kind + data)
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", crc)
+
+    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(b""))
+
+
+@pytest.mark.parametrize("size", [(40_000, 40_000), (30_000, 30_000), (14_000, 13_000), (9000, 2)])
+def test_too_large_a_picture_is_refused_by_its_header(tmp_path, monkeypatch, size):
+    path = write(tmp_path / "a.png", png_header(*size))
+    monkeypatch.setattr(cv2, "imdecode", lambda *_: pytest.fail("its pixels were decoded"))
+    with pytest.raises(InputError, match=r"a\.png: found a picture of"):
+        open_source(path)
 
 
 @pytest.mark.parametrize(

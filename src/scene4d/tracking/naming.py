@@ -4,12 +4,12 @@ import hashlib
 from datetime import datetime
 from pathlib import Path
 
-from scene4d.video.stream import without_password
+from scene4d.video.stream import stream_name, without_password
 
 
 def shown_name(seen: str | Path) -> str:
-    """The footage's name without folders, ending and passwords."""
-    return Path(without_password(str(seen)).split("?")[0]).stem
+    """A file's name without folders and ending; a stream's host and path, without passwords."""
+    return stream_name(str(seen)) if "://" in str(seen) else Path(seen).stem
 
 
 def run_name(seen: str | Path, start: datetime | None) -> str:

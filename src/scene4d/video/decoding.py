@@ -1,4 +1,4 @@
-"""The few steps with PyAV that files and streams share."""
+"""The steps with PyAV that files and streams share."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -8,13 +8,18 @@ import numpy as np
 from jaxtyping import UInt8
 
 from scene4d.core.errors import InputError
+from scene4d.video.frames import check_picture_size
 
 _NOT_FOOTAGE = frozenset({"tty", "concat"})
 """FFmpeg "decodes" any text file as terminal output; concat lists open other files."""
 
 
 def video_stream(container: Any, name: str) -> Any:
-    """The first video stream, set to decode with all cores. Raises where there is none."""
+    """The first video stream, set to decode with all cores.
+
+    Raises :class:`InputError` where there is none, where its codec is unknown, or where a picture
+    would be too large.
+    """
     streams = [
         s
         for s in container.streams.video
@@ -25,6 +30,13 @@ def video_stream(container: Any, name: str) -> Any:
             f"{name}: holds no video; expected a video, an image, or a folder of images"
         )
     stream = streams[0]
+    if stream.codec_context is None:
+        raise InputError(
+            f"{name}: its video codec is unknown or cannot be decoded here; expected H.264, HEVC, "
+            "AV1, VP9, MPEG-4, MJPEG or another codec of FFmpeg: convert the recording to H.264"
+        )
+    if stream.codec_context.width:  # 0: known only when a frame is decoded
+        check_picture_size(stream.codec_context.width, stream.codec_context.height, name)
     stream.thread_type = "AUTO"
     return stream
 
@@ -41,35 +53,44 @@ def pixel_notes(stream: Any, name: str) -> list[str]:
 
 
 def packets(container: Any, stream: Any) -> Iterator[Any]:
-    """Whole packets; an unreadable rest ends them, what came before is used.
+    """Whole packets, until the end or :class:`av.error.FFmpegError`.
 
     An empty packet would tell the decoder that the end is reached, and half a packet would be
     patched up with other frames' content.
     """
-    try:
-        for packet in container.demux(stream):
-            if packet.size and not packet.is_corrupt:
-                yield packet
-    except av.error.FFmpegError:
-        return
+    for packet in container.demux(stream):
+        if packet.size and not packet.is_corrupt:
+            yield packet
 
 
-def decode(stream: Any, packet: Any) -> list[Any]:
-    """The frames that come out for a packet (None: what is left); a damaged one gives none."""
+def decode(stream: Any, packet: Any) -> tuple[list[Any], bool]:
+    """The whole frames that come out for a packet (None: the rest), and whether all went well."""
     try:
-        return list(stream.codec_context.decode(packet))
+        frames = list(stream.codec_context.decode(packet))
     except av.error.FFmpegError:
-        return []
+        return [], False
+    whole = [frame for frame in frames if not frame.is_corrupt]
+    return whole, len(whole) == len(frames)
 
 
 def upright_bgr(frame: Any, name: str) -> UInt8[np.ndarray, "h w 3"]:
-    """The decoded frame as BGR, turned as its display matrix says (degrees counter-clockwise)."""
+    """The decoded frame as BGR, turned and mirrored as its display matrix says.
+
+    The matrix ((a, b, u), (c, d, v), (x, y, w)) shows pixel (p, q) at (a p + c q, b p + d q)
+    (ISO 14496-12, 6.2.2; FFmpeg's libavutil/display.h).
+    """
+    check_picture_size(frame.width, frame.height, name)
     image: np.ndarray = frame.to_ndarray(format="bgr24")
-    if frame.rotation == 0:
+    matrix = frame.side_data.get("DISPLAYMATRIX")
+    if matrix is None:
         return image
-    if frame.rotation % 90:
+    values = np.frombuffer(bytes(matrix), np.int32).reshape(3, 3)[:2, :2]
+    (a, b), (c, d) = np.rint(values / max(1, np.abs(values).max())).astype(int)
+    if not abs(a) == abs(d) != abs(b) == abs(c):
         raise InputError(
             f"{name}: its metadata turns the picture by {frame.rotation} degrees; only multiples "
-            "of 90 are read: re-encode it upright"
+            "of 90 and mirroring are read: re-encode it upright"
         )
-    return np.ascontiguousarray(np.rot90(image, frame.rotation // 90))
+    if not a:
+        image, a, d = image.swapaxes(0, 1), c, b
+    return np.ascontiguousarray(image[::d, ::a])

@@ -10,6 +10,13 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from scene4d.core.errors import InputError
 
+MOST_PIXELS = 175_000_000
+"""Largest picture: 0.5 GB as BGR. The largest camera sensors have 150 megapixels."""
+_MOST_SIDE_PX = 32_766
+"""OpenCV cannot remap or warp longer sides (SHRT_MAX)."""
+_LEAST_SIDE_PX = 8
+"""Nothing can be seen in less; scaling such a picture leaves no pixel."""
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -123,3 +130,13 @@ class Source(ABC):
                 f"{self.image_size[0]}x{self.image_size[1]}; one camera needs frames of one size: "
                 "cut the footage where the size changes, or scale it to one size"
             )
+
+
+def check_picture_size(width: int, height: int, name: str) -> None:
+    """Raise :class:`InputError` for a picture too small or too large to be worked on."""
+    short, long = sorted((width, height))
+    if short < _LEAST_SIDE_PX or long > _MOST_SIDE_PX or width * height > MOST_PIXELS:
+        raise InputError(
+            f"{name}: found a picture of {width}x{height} pixels, expected sides of "
+            f"{_LEAST_SIDE_PX} to {_MOST_SIDE_PX} and at most {MOST_PIXELS:,} pixels: scale it"
+        )

@@ -1,15 +1,17 @@
 """Pictures as footage: a single image, or images in natural order of their names."""
 
 import re
+import warnings
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import cv2
 import numpy as np
+import PIL.Image
 from jaxtyping import UInt8
 
 from scene4d.core.errors import InputError
-from scene4d.video.frames import Frame, Source, Timeline
+from scene4d.video.frames import MOST_PIXELS, Frame, Source, Timeline, check_picture_size
 
 IMAGE_SUFFIXES = frozenset(
     {".bmp", ".dib", ".jpe", ".jpeg", ".jpg", ".jp2", ".pbm", ".pgm", ".png", ".pnm", ".ppm"}
@@ -34,13 +36,37 @@ def _read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     if not len(data):
         raise InputError(f"{path}: is empty (0 bytes); copy or export the image again")
-    image = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    _check_header(path)
+    try:
+        image = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    except cv2.error:
+        image = None
     if image is None:
         raise InputError(
             f"{path}: is not an image that can be decoded, or it is cut short; "
             "expected a whole JPEG, PNG, TIFF, BMP, WebP or PNM file of 8 or 16 bits"
         )
+    check_picture_size(image.shape[1], image.shape[0], str(path))
     return image
+
+
+def _check_header(path: Path) -> None:
+    """Refuse a picture that is too large before its pixels are decoded.
+
+    A header that Pillow does not read passes: whoever decodes says what is wrong.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            with PIL.Image.open(path) as header:
+                width, height = header.size
+        except PIL.Image.DecompressionBombError as error:
+            raise InputError(
+                f"{path}: found a picture of more than {MOST_PIXELS:,} pixels: scale it"
+            ) from error
+        except (OSError, ValueError, SyntaxError):
+            return
+    check_picture_size(width, height, str(path))
 
 
 class ImageSource(Source):

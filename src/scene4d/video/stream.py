@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable, Iterator
+from itertools import chain
 from typing import Any
 
 import av
@@ -11,6 +12,13 @@ from scene4d.video.decoding import decode, packets, pixel_notes, upright_bgr, vi
 from scene4d.video.frames import Frame, Source
 
 _STREAM_TIMEOUT_S = 15.0
+"""A camera that sends nothing for so long is lost; players wait 5 to 30 s."""
+_FALLBACK_RATE = 25.0
+
+
+def stream_name(url: str) -> str:
+    """A short name of the address, for files: host, path and query without secrets."""
+    return re.sub(r"[^\w.]+", "-", without_password(url).split("://", 1)[-1]).strip("-.")
 
 
 def without_password(url: str) -> str:
@@ -30,7 +38,7 @@ class StreamSource(Source):
     def __init__(self, url: str) -> None:
         self.name = without_password(url)
         self.timeline = None
-        self._ended = False
+        self._end: str | None = None  # how it ended, where nobody wanted it to
         # UDP loses packets of large frames, and damaged frames look like moving things.
         options = {"rtsp_transport": "tcp"} if url.startswith("rtsp") else {}
         try:
@@ -56,11 +64,9 @@ class StreamSource(Source):
     def _decode(self, stream: Any) -> Iterator[tuple[int, float, Any]]:
         """(index, time, undecorated frame), where a clock that jumps back is joined on."""
         index, time_s, last_pts = 0, 0.0, None
-        step = 1 / (self.fps or 25.0)
-        for packet in packets(self._container, stream):
-            for frame in decode(stream, packet):
-                if frame.is_corrupt:
-                    continue
+        step = 1 / (self.fps or _FALLBACK_RATE)
+        for packet in chain(self._packets(stream), [None]):
+            for frame in decode(stream, packet)[0]:
                 if index:
                     known = frame.pts is not None and last_pts is not None
                     ticks = frame.pts - last_pts if known else 0
@@ -68,12 +74,24 @@ class StreamSource(Source):
                 last_pts = frame.pts
                 yield index, time_s, frame
                 index += 1
+        if self._end is not None:
+            self._end += f" after {time_s:.1f} s"
+
+    def _packets(self, stream: Any) -> Iterator[Any]:
+        """All that comes; then it is known whether the stream ended or was lost."""
+        try:
+            yield from packets(self._container, stream)
+        except av.error.FFmpegError as error:
+            self._end = f"was lost ({error.strerror})"
+            return
+        if not self._container.duration:  # a recording behind an address states its length
+            self._end = "ended"
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """See :attr:`Source.warnings`."""
-        ended = f"{self.name}: the stream ended before all frames that were asked for came"
-        return (*self._notes, ended) if self._ended else tuple(self._notes)
+        """See :attr:`Source.warnings`; a stream that ended or was lost is one of them."""
+        ended = () if self._end is None else (f"{self.name}: the stream {self._end}",)
+        return (*self._notes, *ended)
 
     def frames(self, indices: Iterable[int] | None = None) -> Iterator[Frame]:
         """See :meth:`Source.frames`; indices that went by already do not come back."""
@@ -82,7 +100,8 @@ class StreamSource(Source):
             item = self._ahead or next(self._decoded, None)
             self._ahead = None
             if item is None:
-                self._ended = wanted is not None
+                if wanted and self._end is None:
+                    self._end = "ended before all frames that were asked for came"
                 return
             index, time_s, decoded = item
             while wanted and wanted[0] < index:

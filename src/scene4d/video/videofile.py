@@ -1,6 +1,7 @@
 """Video files through PyAV (FFmpeg)."""
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from itertools import dropwhile
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,16 @@ _FRAME_THREADS_FROM = 64
 _INEXACT_AFTER_SEEK = frozenset({"mpeg"})
 """MPEG-PS stamps only some frames, so that after a seek the times of the others are guesses."""
 _SEEK_AHEAD_S = (0.0, 1.0, 5.0, 30.0, 1e6)
+"""How far before a key frame to seek, in turn, where a seek lands behind it."""
 _FALLBACK_RATE = 25.0
+"""Frames a second of a file that states neither times nor a rate: PAL, as most old recorders."""
+_SKIPS_WELL = frozenset({"h264", "hevc", "mpeg2video", "mpeg4"})
+"""Decoders that leave out unreferenced packets on demand and nothing else (libdav1d loses frames
+that were asked for); tests/video/test_video_files.py shows it for each."""
+_EVEN_SHARE = 0.8
+"""A recording has a constant rate if so many of its steps are even; chosen by hand."""
+_MISSING_SHARE = 0.01
+"""Missing frames are worth a note from this share of all on: recorders drop single ones."""
 
 
 class VideoSource(Source):
@@ -40,6 +50,7 @@ class VideoSource(Source):
         self.name = str(path)
         self._asked: set[int] = set()
         self._failed: set[int] = set()
+        self._damaged: set[int] = set()  # key frames behind which a packet did not decode
         with self._open() as container:
             stream = video_stream(container, self.name)
             self._notes = pixel_notes(stream, self.name)
@@ -51,7 +62,7 @@ class VideoSource(Source):
                 container.format.name not in _INEXACT_AFTER_SEEK
             )
             self._set_clock(stream, table.is_key)
-            self._note_missing_end(container, stream, table.packets)
+            self._note_missing(container, stream, table.packets)
         height, width = self._first_image().shape[:2]
         self.image_size = (width, height)
 
@@ -77,20 +88,28 @@ class VideoSource(Source):
         self.timeline = Timeline(times, is_key)
         self.fps = 1 / self.timeline.frame_s if len(times) > 1 else rate
 
-    def _note_missing_end(self, container: Any, stream: Any, found: int) -> None:
-        promised = stream.frames
-        if not promised and container.duration and len(container.streams) == 1:
-            promised = round(container.duration / av.time_base * self.fps)
-        if promised - found > max(1, 0.01 * promised):
+    def _note_missing(self, container: Any, stream: Any, found: int) -> None:
+        """Note frames that are missing at the end, or inside a recording of constant rate."""
+        promised = stream.frames or self._expected_frames(container, found)
+        if promised - found > max(1, _MISSING_SHARE * promised):
             self._notes.append(
                 f"{self.name}: is cut short or damaged: {found} of {promised} frames are there"
             )
 
+    def _expected_frames(self, container: Any, found: int) -> int:
+        """How many frames a container that does not count them should hold."""
+        step_s = _constant_step_s(self.timeline.time_s)
+        if container.duration and len(container.streams) == 1:
+            return round(container.duration / av.time_base / (step_s or 1 / self.fps))
+        if step_s is None:
+            return found
+        return found + 0 * int(np.rint(np.diff(self.timeline.time_s) / step_s - 1).sum())
+
     def _first_image(self) -> np.ndarray:
         with self._open() as container:
             stream = video_stream(container, self.name)
-            for packet in self._to_the_end(container, stream):
-                for frame in decode(stream, packet):
+            for packet in _to_the_end(container, stream):
+                for frame in decode(stream, packet)[0]:
                     return upright_bgr(frame, self.name)
         raise self._nothing_decodes(len(self.timeline))
 
@@ -103,13 +122,20 @@ class VideoSource(Source):
     @property
     def warnings(self) -> tuple[str, ...]:
         """See :attr:`Source.warnings`."""
-        if not self._failed:
-            return tuple(self._notes)
-        failed = (
-            f"{self.name}: {len(self._failed)} of the {len(self._asked)} frames asked for are "
-            "damaged and were left out"
-        )
-        return (*self._notes, failed)
+        notes = list(self._notes)
+        if self._failed:
+            notes.append(
+                f"{self.name}: {len(self._failed)} of the {len(self._asked)} frames asked for are "
+                "damaged and were left out"
+            )
+        damaged = self._damaged | {int(self.timeline.key_before[i]) for i in self._failed}
+        if damaged:
+            keys = int(self.timeline.is_key.sum())
+            notes.append(
+                f"{self.name}: is damaged behind {len(damaged)} of its {keys} key frames; "
+                "frames there may show remains of others"
+            )
+        return tuple(notes)
 
     def frames(self, indices: Iterable[int] | None = None) -> Iterator[Frame]:
         """See :meth:`Source.frames`. Only the wanted frames are converted to BGR."""
@@ -150,10 +176,13 @@ class VideoSource(Source):
     def _decode_run(self, container: Any, stream: Any, run: list[int]) -> Iterator[Frame]:
         wanted, counted, last = set(run), 0, -1
         for packet in self._packets_for(container, stream, run):
-            for frame in decode(stream, packet):
+            frames, whole = decode(stream, packet)
+            if not whole:
+                self._note_damage(packet, counted)
+            for frame in frames:
                 index = counted if self._pts is None else _rank(self._pts, frame.pts)
                 counted += 1
-                if index not in wanted or index <= last or frame.is_corrupt:
+                if index not in wanted or index <= last:
                     continue
                 image = upright_bgr(frame, self.name)
                 self._check_size(image, f"frame {index}")
@@ -162,57 +191,79 @@ class VideoSource(Source):
                 if index == run[-1]:
                     return
 
+    def _note_damage(self, packet: Any, counted: int) -> None:
+        """Remember the key frame before a packet that did not decode."""
+        index = counted if self._pts is None else _rank(self._pts, packet and packet.pts)
+        index = min(index, len(self.timeline) - 1)
+        if index >= 0:
+            self._damaged.add(int(self.timeline.key_before[index]))
+
     def _packets_for(self, container: Any, stream: Any, run: list[int]) -> Iterator[Any]:
         """Packets from the key frame before the run to its last one, then None (flush).
 
         Packets that nothing refers to and nobody asked for are not decoded (NONREF).
         """
         if self._pts is None:
-            yield from self._to_the_end(container, stream)
+            yield from _to_the_end(container, stream)
             return
         key = int(self.timeline.key_before[run[0]])
         unfed = {int(self._pts[i]) for i in run}
         # The first run of a file that was just opened needs no seek if it begins at the front.
         seek = self._can_seek and key > _SEEK_GAIN_FRAMES
-        from_key = self._from_key if seek else self._from_here
-        for packet in from_key(container, stream, int(self._pts[key])):
-            stream.codec_context.skip_frame = "DEFAULT" if packet.pts in unfed else "NONREF"
+        key_pts = int(self._pts[key])
+        following = _from_key(container, stream, key_pts) if seek else _readable(container, stream)
+        skips = stream.codec_context.name in _SKIPS_WELL
+        for packet in following:
+            if skips:
+                stream.codec_context.skip_frame = "DEFAULT" if packet.pts in unfed else "NONREF"
             yield packet
             unfed.discard(packet.pts)
             if not unfed:
                 break
         yield None
 
-    def _from_key(self, container: Any, stream: Any, key_pts: int) -> Iterator[Any]:
-        """Packets from the key frame on; it is sought further ahead where a seek lands behind it.
 
-        MP4, MKV and AVI land on the key frame; MPEG-TS and PS search by guesses.
-        """
-        for ahead_s in _SEEK_AHEAD_S:
-            target = key_pts - round(ahead_s / float(stream.time_base))
-            try:
-                container.seek(target, stream=stream, backward=True)
-            except av.error.FFmpegError:
-                continue
-            following = packets(container, stream)
-            for packet in following:
-                if packet.pts == key_pts:
-                    yield packet
-                    yield from following
-                    return
-                if packet.dts is not None and packet.dts > key_pts:
-                    break
-        # The key frame itself is damaged: nothing decodes before the next one.
-        yield from dropwhile(lambda packet: not packet.is_keyframe, packets(container, stream))
-
-    @staticmethod
-    def _from_here(container: Any, stream: Any, _: int) -> Iterator[Any]:
+def _readable(container: Any, stream: Any) -> Iterator[Any]:
+    """Packets up to what cannot be read; what came before is used."""
+    with suppress(av.error.FFmpegError):
         yield from packets(container, stream)
 
-    @staticmethod
-    def _to_the_end(container: Any, stream: Any) -> Iterator[Any]:
-        yield from packets(container, stream)
-        yield None
+
+def _to_the_end(container: Any, stream: Any) -> Iterator[Any]:
+    """All packets that can be read, then None (flush)."""
+    yield from _readable(container, stream)
+    yield None
+
+
+def _from_key(container: Any, stream: Any, key_pts: int) -> Iterator[Any]:
+    """Packets from the key frame on; it is sought further ahead where a seek lands behind it.
+
+    MP4, MKV and AVI land on the key frame; MPEG-TS and PS search by guesses.
+    """
+    for ahead_s in _SEEK_AHEAD_S:
+        target = key_pts - round(ahead_s / float(stream.time_base))
+        try:
+            container.seek(target, stream=stream, backward=True)
+        except av.error.FFmpegError:
+            continue
+        following = _readable(container, stream)
+        for packet in following:
+            if packet.pts == key_pts:
+                yield packet
+                yield from following
+                return
+            if packet.dts is not None and packet.dts > key_pts:
+                break
+    # The key frame itself is damaged: nothing decodes before the next one.
+    yield from dropwhile(lambda packet: not packet.is_keyframe, _readable(container, stream))
+
+
+def _constant_step_s(time_s: np.ndarray) -> float | None:
+    """The usual time between frames; None where the rate varies."""
+    steps = np.diff(time_s)
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    even = np.abs(steps - usual) < 0.1 * usual + 0.001  # containers round to milliseconds
+    return usual if usual > 0 and even.mean() >= _EVEN_SHARE else None
 
 
 def _rank(pts: np.ndarray, value: int | None) -> int:
