@@ -100,15 +100,16 @@ def width(k: int) -> int:
 
 
 def writer(folder, *, run="r", camera="c", start_utc=NOON, camera_json=CAMERA, rows_per_part=40):
-    return SceneWriter(
+    out = SceneWriter(
         folder,
         camera=camera,
         run=run,
         start_utc=start_utc,
         camera_json=camera_json,
         provenance={"weights": {"yolox": "326524"}},
-        rows_per_part=rows_per_part,
     )
+    out._rows_per_part = rows_per_part
+    return out
 
 
 def store(folder, tracks, **options):

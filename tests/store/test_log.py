@@ -79,7 +79,7 @@ def test_every_bit_comes_back(tmp_path_factory, numbers, dtype):
         with np.errstate(over="ignore"):
             appearance = numbers.astype(dtype)
     folder = tmp_path_factory.mktemp("log")
-    DetectionLog(folder, SETTINGS).append(0, logged(detections, appearance))
+    DetectionLog(folder, SETTINGS).append(logged(detections, appearance))
     (chunk,) = DetectionLog(folder, SETTINGS).chunks()
     found, found_appearance = chunk.detections, chunk.appearance
     assert_same(found, detections)
@@ -93,8 +93,8 @@ def test_every_bit_comes_back(tmp_path_factory, numbers, dtype):
 def test_boxes_alone_and_names_as_objects_come_back(tmp_path):
     bare = seen(5).without_keypoints()
     log = DetectionLog(tmp_path, SETTINGS)
-    log.append(0, logged(bare))
-    log.append(1, logged(replace(bare, class_name=bare.class_name.astype(object))))
+    log.append(logged(bare))
+    log.append(logged(replace(bare, class_name=bare.class_name.astype(object))))
     for found, appearance in parts(log):
         assert_same(found, bare)
         assert appearance is None
@@ -103,8 +103,8 @@ def test_boxes_alone_and_names_as_objects_come_back(tmp_path):
 def test_a_resumed_log_equals_an_uninterrupted_one(tmp_path, monkeypatch):
     chunks = [(seen(20 + i, seed=i), seen(20 + i).box_xyxy) for i in range(5)]
     whole = DetectionLog(tmp_path / "a", SETTINGS)
-    for i, chunk in enumerate(chunks):
-        whole.append(i, logged(*chunk))
+    for chunk in chunks:
+        whole.append(logged(*chunk))
     whole.finish()
     folder = tmp_path / "b"
     for killed_after in (0, 2, 2, 3):
@@ -114,14 +114,14 @@ def test_a_resumed_log_equals_an_uninterrupted_one(tmp_path, monkeypatch):
                 if i == killed_after:
                     patch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(28, "")))
                     with pytest.raises(OutputError):
-                        log.append(i, logged(*chunks[i]))
+                        log.append(logged(*chunks[i]))
                     break
-                log.append(i, logged(*chunks[i]))
+                log.append(logged(*chunks[i]))
         assert not log.finished
         assert DetectionLog(folder, SETTINGS).complete == killed_after
     log = DetectionLog(folder, SETTINGS)
     for i in range(log.complete, 5):
-        log.append(i, logged(*chunks[i]))
+        log.append(logged(*chunks[i]))
     log.finish()
     assert log.finished
     assert DetectionLog(folder, SETTINGS).finished
@@ -131,18 +131,16 @@ def test_a_resumed_log_equals_an_uninterrupted_one(tmp_path, monkeypatch):
         np.testing.assert_array_equal(looks, expected_looks)
 
 
-def test_chunks_after_a_hole_do_not_count(tmp_path):
+def test_a_removed_chunk_and_those_after_it_are_detected_again(tmp_path):
     log = DetectionLog(tmp_path, SETTINGS)
-    for chunk in (0, 3, 1):
-        log.append(chunk, logged(seen(4, seed=chunk)))
-    assert log.complete == DetectionLog(tmp_path, SETTINGS).complete == 2
-    assert len(list(log.chunks())) == 2
-    with pytest.raises(InputError, match="chunk 2 is missing, while chunk 3"):
-        log.finish()
-    log.append(2, logged(seen(4)))
-    assert log.complete == 4
-    log.append(3, logged(seen(9)))
-    assert [len(found) for found, _ in parts(log)] == [4, 4, 4, 9]
+    for chunk in range(4):
+        log.append(logged(seen(4, seed=chunk)))
+    (tmp_path / "00001.npz").unlink()
+    log = DetectionLog(tmp_path, SETTINGS)
+    assert log.complete == 1
+    log.append(logged(seen(7)))
+    assert log.complete == 2
+    assert [len(found) for found, _ in parts(log)] == [4, 7]
 
 
 def test_a_film_without_frames_is_finished(tmp_path):
@@ -154,7 +152,7 @@ def test_a_film_without_frames_is_finished(tmp_path):
 
 def test_other_settings_are_refused_by_name(tmp_path):
     DetectionLog(tmp_path, {"any": "other"})  # nothing was detected under these
-    DetectionLog(tmp_path, SETTINGS).append(0, logged(seen(4)))
+    DetectionLog(tmp_path, SETTINGS).append(logged(seen(4)))
     DetectionLog(tmp_path, SETTINGS | {"thresholds": [0.1, 0.5]})
     other = {"source": {"name": "a.avi", "size": 13}, "thresholds": [0.1, 0.5], "chunk": 50}
     with pytest.raises(InputError) as told:
@@ -171,14 +169,12 @@ def test_other_settings_are_refused_by_name(tmp_path):
 def test_bad_input(tmp_path):
     log = DetectionLog(tmp_path / "log", SETTINGS)
     with pytest.raises(InputError, match="has 3 rows, expected one for each of the 4"):
-        log.append(0, logged(seen(4), np.zeros((3, 2))))
-    with pytest.raises(InputError, match="chunk -1"):
-        log.append(-1, logged(seen(4)))
+        log.append(logged(seen(4), np.zeros((3, 2))))
     with pytest.raises(InputError, match="settings: cannot be written as JSON"):
         DetectionLog(tmp_path / "other", {"threshold": float("nan")})
     log.finish()
     with pytest.raises(InputError, match="is finished"):
-        log.append(0, logged(seen(4)))
+        log.append(logged(seen(4)))
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="file"):
         DetectionLog(tmp_path / "file", SETTINGS)
@@ -187,8 +183,8 @@ def test_bad_input(tmp_path):
 @pytest.mark.parametrize("damage", [lambda b: b[:-200], lambda b: b"", lambda b: b"x" + b[1:]])
 def test_a_damaged_chunk_is_named(tmp_path, damage):
     log = DetectionLog(tmp_path, SETTINGS)
-    log.append(0, logged(seen(4)))
-    log.append(1, logged(seen(4)))
+    log.append(logged(seen(4)))
+    log.append(logged(seen(4)))
     path = tmp_path / "00001.npz"
     path.write_bytes(damage(path.read_bytes()))
     found = log.chunks()
@@ -199,10 +195,30 @@ def test_a_damaged_chunk_is_named(tmp_path, damage):
 
 def test_a_chunk_that_vanished_from_a_finished_log(tmp_path):
     log = DetectionLog(tmp_path, SETTINGS)
-    log.append(0, logged(seen(4)))
+    log.append(logged(seen(4)))
     log.finish()
     (tmp_path / "00000.npz").unlink()
     with pytest.raises(InputError, match="says 1 chunks, found 0"):
+        DetectionLog(tmp_path, SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("settings.json", "[]"),
+        ("settings.json", '{"schema": 7}'),
+        ("settings.json", '{"schema": "scene4d/detections/1"}'),
+        ("finished.json", "[1]"),
+        ("finished.json", '{"chunks": {}}'),
+        ("finished.json", "nothing"),
+    ],
+)
+def test_a_log_of_wrong_types_is_bad_input(tmp_path, name, content):
+    log = DetectionLog(tmp_path, SETTINGS)
+    log.append(logged(seen(4)))
+    log.finish()
+    (tmp_path / name).write_text(content)
+    with pytest.raises(InputError):
         DetectionLog(tmp_path, SETTINGS)
 
 

@@ -1,8 +1,9 @@
 """Questions to a scene, against the same questions to NumPy; and what is no answer."""
 
+import hashlib
 import json
-import sys
 from datetime import UTC, datetime, timedelta, timezone
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -11,12 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stored_scenes import CAMERA, NOON, assert_same, in_order, store, walk, writer
 
-from scene4d.core.errors import InputError, UnavailableError
+from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
 from scene4d.store.query import Scene
 from scene4d.store.schema import COLUMN_NAMES, RUN_TRACKS
-
-pytest.importorskip("duckdb")
 
 WALKED = walk(600, objects=9)
 
@@ -132,7 +131,7 @@ def test_only_the_parts_that_can_answer_are_opened(tmp_path):
     scene = Scene.open(folder)
     end = others[0]["begin_s"]
     assert len(scene.tracks(end=end)) == (late.time_s < end).sum() > 0
-    with pytest.raises(InputError, match=others[0]["path"] + ": cannot be read"):
+    with pytest.raises(InputError, match=others[0]["path"] + ": is not there"):
         scene.tracks(begin=first["end_s"])
 
 
@@ -236,7 +235,7 @@ def test_another_schema(tmp_path):
     manifest = json.loads(path.read_text())
     for change, said in (
         ({"schema": "scene4d/scene/7"}, "schema is 'scene4d/scene/7', expected 'scene4d/scene/1'"),
-        ({"parts": [{"path": "x"}]}, "parts: expected"),
+        ({"parts": [{"path": "tracks/x"}]}, r"parts\[0\]: has no field 'rows'"),
     ):
         path.write_text(json.dumps(manifest | change))
         with pytest.raises(InputError, match=f"r.json: {said}"):
@@ -287,8 +286,143 @@ def test_wrong_sql(scene):
     for query in ("SELECT nothing FROM scene", "SELECT", "SELECT * FROM walk"):
         with pytest.raises(InputError, match="query: "):
             scene.sql(query)
-    with pytest.raises(InputError, match="asks nothing"):
+    with pytest.raises(InputError, match="expected one SELECT"):
         scene.sql(" ; ")
+
+
+def test_sql_reads_nothing_but_the_scene_and_writes_nothing(folder, tmp_path):
+    secret, target = tmp_path / "secret.csv", tmp_path / "out.csv"
+    secret.write_text("a,b\n1,2\n")
+    part = next(folder.glob("tracks/camera=*/day=*/*.parquet"))
+    before = part.read_bytes()
+    scene = Scene.open(folder)
+    for query in (
+        f"SELECT * FROM read_csv('{secret}')",
+        f"SELECT * FROM '{secret}'",
+        f"SELECT content FROM read_text('{folder}/tracks/../runs/r.json')",
+        f"SELECT * FROM glob('{tmp_path}/*')",
+        f"COPY scene TO '{target}'",
+        f"COPY (SELECT 1) TO '{part}'",
+        f"EXPLAIN ANALYZE COPY (SELECT 1) TO '{target}'",
+        f"ATTACH '{target}'",
+        "SET enable_external_access = true",
+        "INSTALL httpfs",
+        "SELECT 1; SELECT 2",
+    ):
+        with pytest.raises(InputError, match="query: "):
+            scene.sql(query)
+    assert not target.exists()
+    assert part.read_bytes() == before
+    assert scene.sql("WITH a AS (FROM scene) SELECT count(*) AS n FROM a")["n"][0].as_py() == 600
+
+
+def test_every_flipped_bit_is_found_and_the_part_named(tmp_path):
+    store(tmp_path, walk(200), rows_per_part=100)
+    path = sorted(tmp_path.glob("tracks/camera=*/day=*/*.parquet"))[1]
+    whole, rng = path.read_bytes(), np.random.default_rng(0)
+    for place in rng.integers(0, len(whole), 30).tolist():
+        path.write_bytes(_flipped(whole, place, int(rng.integers(8))))
+        for ask in (
+            Scene.rows,
+            Scene.tracks,
+            lambda scene: scene.sql("SELECT max(x_m) FROM scene"),
+        ):
+            with pytest.raises(InputError, match=f"{path.name}: is damaged: its content"):
+                ask(Scene.open(tmp_path))
+    path.write_bytes(whole)
+    assert len(Scene.open(tmp_path).tracks()) == 200
+
+
+def _flipped(content, place, bit):
+    return content[:place] + bytes([content[place] ^ 1 << bit]) + content[place + 1 :]
+
+
+def test_a_part_is_verified_once(tmp_path, monkeypatch):
+    store(tmp_path, walk(200), rows_per_part=100)
+    digests = []
+    digest = hashlib.file_digest
+    monkeypatch.setattr(hashlib, "file_digest", lambda *a: digests.append(1) or digest(*a))
+    scene = Scene.open(tmp_path)
+    for one in (scene, scene.only("r"), scene):
+        assert len(one.tracks()) == 200
+    assert len(digests) == 2
+
+
+def test_a_part_that_cannot_be_read_is_not_called_damaged(tmp_path, monkeypatch):
+    store(tmp_path, walk(50), rows_per_part=100)
+
+    def refused(*_, **__):
+        raise PermissionError(13, "Permission denied")
+
+    scene = Scene.open(tmp_path)
+    monkeypatch.setattr(Path, "open", refused)
+    with pytest.raises(InputError, match=r"\.parquet: cannot be read: Permission denied$"):
+        scene.tracks()
+
+
+@pytest.mark.parametrize(
+    "path", ["/etc/passwd", "../../x.parquet", "tracks/../../x", "runs/r.json", "C:/x"]
+)
+def test_a_manifest_names_parts_of_its_own_scene_only(tmp_path, path):
+    store(tmp_path, walk(10))
+    _change(tmp_path, lambda manifest: manifest["parts"][0].update(path=path))
+    with pytest.raises(
+        InputError, match=r"r.json: parts\[0\]: path: found .* expected a path below"
+    ):
+        Scene.open(tmp_path)
+
+
+def _change(folder, change):
+    path = folder / "runs/r.json"
+    manifest = json.loads(path.read_text())
+    change(manifest)
+    path.write_text(json.dumps(manifest))
+
+
+def test_manifests_of_wrong_types_are_bad_input(tmp_path):
+    store(tmp_path, walk(10))
+    whole = json.loads((tmp_path / "runs/r.json").read_text())
+    wrong = (None, True, -1, 1.5, 10**400, "x", [], [1], {}, {"a": "b"})
+    fields = [(name, None) for name in whole if name not in ("begin", "end", "start", "columns")]
+    for name, part in fields + [("parts", inner) for inner in whole["parts"][0]]:
+        right = whole["parts"][0][part] if part else whole[name]
+        for value in wrong:
+            changed = json.loads(json.dumps(whole))
+            if part:
+                changed["parts"][0][part] = value
+            else:
+                changed[name] = value
+            (tmp_path / "runs/r.json").write_text(json.dumps(changed))
+            fits = type(value) is type(right) or (part == "sha256" and value is None)
+            fits |= part in ("begin_s", "end_s") and value in (-1, 1.5)
+            try:
+                Scene.open(tmp_path)
+            except InputError as error:
+                assert any(word in str(error) for word in ("r.json", "x.json", "empty"))
+                assert len(str(error)) < 400
+            else:
+                assert fits, (name, part, value)
+
+
+def test_a_scene_is_a_table_for_other_libraries(scene):
+    assert scene.to_pandas(classes=["car"])["class"].unique().tolist() == ["car"]
+    assert pa.table(scene).num_rows == len(scene)
+    with pytest.raises(TypeError, match="unknown keyword 'class_'"):
+        scene.rows(class_=["car"])
+
+
+def test_a_notebook_shows_what_is_there_and_the_paths(scene):
+    html = scene._repr_html_()
+    assert "600" not in html and f"{scene.classes['car']:,} x car" in html
+    assert html.count("<polyline") == len(np.unique(WALKED.track))
+    assert "http" not in html
+    paths = scene.paths("c", 10**6)
+    expected = in_order(WALKED)
+    for track, (name, xy) in paths.items():
+        rows = expected.track == track
+        assert name == expected.class_name[rows][0]
+        np.testing.assert_array_equal(xy, expected.xy_m[rows])
+    assert 60 <= sum(len(xy) for _, xy in scene.paths("c", 60).values()) <= 60 + 2 * len(paths)
 
 
 def _ruin(content):
@@ -306,14 +440,6 @@ def test_a_damaged_part_is_named(tmp_path, damage, said):
     for ask in (scene.rows, scene.tracks, lambda: scene.sql("SELECT sum(x_m) FROM scene")):
         with pytest.raises(InputError, match=f"{path.name}: {said}"):
             ask()
-
-
-def test_duckdb_is_an_extra(folder, monkeypatch):
-    monkeypatch.setitem(sys.modules, "duckdb", None)
-    scene = Scene.open(folder)
-    assert scene.cameras == ("c",)
-    with pytest.raises(UnavailableError, match=r"pip install 'scene4d\[query\]'"):
-        scene.rows()
 
 
 def test_names_and_folders_that_mean_something_to_sql(tmp_path):

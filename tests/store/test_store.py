@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import suppress
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -29,7 +30,7 @@ from stored_scenes import (
 
 from scene4d.core.errors import InputError, OutputError
 from scene4d.store.query import Scene
-from scene4d.store.runs import complete_runs
+from scene4d.store.runs import complete_runs, file_name
 from scene4d.store.schema import COLUMNS, RUN_TRACKS, SCENE_SCHEMA, from_table, to_table
 
 BEYOND = """
@@ -61,7 +62,6 @@ def table(folder, run="r"):
 @settings(max_examples=25, deadline=None)
 @given(data=st.data())
 def test_every_value_comes_back(tmp_path_factory, data):
-    pytest.importorskip("duckdb")
     n, k = data.draw(st.integers(1, 20)), data.draw(st.integers(0, 3))
     number = st.floats(-1e6, 1e6) | st.just(float("nan"))
     tracks = drawn(
@@ -216,7 +216,7 @@ class Killed(BaseException):
 
 def die(out):
     if out._claim is not None:
-        out._claim.file.close()  # the operating system does this
+        out._claim.lock.release()  # the operating system does this
 
 
 def kill_at(step, monkeypatch):
@@ -282,8 +282,8 @@ def test_an_exception_leaves_the_scene_as_it_was(tmp_path):
         assert list((tmp_path / "runs/.r").iterdir())
         1 / 0  # noqa: B018
     after = {name: (tmp_path / name).read_bytes() for name in files(tmp_path)}
-    after.pop("runs/.r.claim")
-    assert after == before
+    assert set(after) - set(before) == {"runs/.r.claim", "runs/.r.lock"}
+    assert {name: after[name] for name in before} == before
 
 
 def test_a_full_disk_at_the_end_is_told_and_the_scene_stays(tmp_path, monkeypatch):
@@ -300,6 +300,51 @@ def test_a_full_disk_at_the_end_is_told_and_the_scene_stays(tmp_path, monkeypatc
         out.close()
     assert table(tmp_path).equals(before)
     store(tmp_path, walk(200, seed=1))
+
+
+@pytest.mark.parametrize("step", range(12))
+def test_a_killed_stream_keeps_what_was_committed(tmp_path, monkeypatch, step):
+    first, second = walk(90, seed=1), walk(60, seed=2, start_s=100.0)
+    with monkeypatch.context() as patch:
+        out = writer(tmp_path, rows_per_part=70)
+        out.write(first)
+        out.commit()
+        committed = table(tmp_path)
+        assert committed.num_rows == 90
+        kill_at(step, patch)
+        try:
+            out.write(second)
+            out.commit()
+        except Killed:
+            assert table(tmp_path).num_rows in (90, 150)
+        else:
+            assert table(tmp_path).num_rows == 150
+    die(out)
+    assert table(tmp_path).num_rows in (90, 150)
+
+
+def test_a_committed_run_ends_as_one_that_was_written_at_once(tmp_path):
+    tracks = walk(300)
+    with writer(tmp_path / "a", rows_per_part=70) as out:
+        for begin in range(0, 300, 20):
+            out.write(tracks.select(np.arange(begin, begin + 20)))
+            out.commit()
+            assert len(parts(tmp_path / "a")) <= 5
+            assert len(Scene.open(tmp_path / "a")) == begin + 20
+    whole = table(store(tmp_path / "b", tracks, rows_per_part=70))
+    assert table(tmp_path / "a").equals(whole)
+    (run,) = complete_runs(tmp_path / "a")
+    assert run.classes == complete_runs(tmp_path / "b")[0].classes
+    assert not list((tmp_path / "a/runs").glob(".r*"))
+
+
+def test_an_exception_leaves_what_was_committed(tmp_path):
+    with pytest.raises(ZeroDivisionError), writer(tmp_path) as out:
+        out.write(walk(90))
+        out.commit()
+        out.write(walk(50, seed=1))
+        1 / 0  # noqa: B018
+    assert table(tmp_path).num_rows == 90
 
 
 # Beside each other
@@ -367,9 +412,10 @@ def test_a_rerun_keeps_its_track_numbers(tmp_path):
 # Bad input
 
 
-@pytest.mark.parametrize("name", ["../x", "a/b", "con", "Müller 人", ".hidden", "a=b%2F", "*?[x]"])
+@pytest.mark.parametrize(
+    "name", ["../x", "a/b", "con", "Müller 人", ".hidden", "a=b%2F", "*?[x]", "人" * 60]
+)
 def test_names_stay_inside_the_scene(tmp_path, name):
-    pytest.importorskip("duckdb")
     folder = tmp_path / "s"
     store(folder, walk(60), camera=name, run=name)
     store(folder, walk(70), camera=name, run=name)
@@ -382,12 +428,45 @@ def test_names_stay_inside_the_scene(tmp_path, name):
     assert json.loads(scene.camera_file(name).read_text()) == CAMERA
 
 
-@pytest.mark.parametrize("name", ["", "a\0b", "a\nb", "\ud800", "人" * 60])
+@pytest.mark.parametrize("name", ["", "a\0b", "a\nb", "\ud800"])
 def test_names_that_no_file_can_have_are_refused(tmp_path, name):
     for options in ({"camera": name}, {"run": name}):
         with pytest.raises(InputError, match=next(iter(options))):
             writer(tmp_path / "s", **options)
     assert not list(tmp_path.iterdir())
+
+
+def test_long_names_are_shortened_and_stay_apart(tmp_path):
+    names = ["人" * 60 + end for end in ("", "a", "b")]
+    for name in names:
+        store(tmp_path, walk(30), camera=name, run=name)
+    assert all(len(p.name) < 255 for p in tmp_path.rglob("*"))
+    assert Scene.open(tmp_path).cameras == tuple(names)
+    plain = file_name("x" * 200, "run")
+    assert plain == "x" * 200
+    assert len(file_name("x" * 201, "run")) > len(plain), "no short name looks like a shortened one"
+
+
+@pytest.mark.parametrize("name", [".r.claim", ".r.lock", ".lock", "r.json"])
+def test_a_link_is_not_followed(tmp_path, name):
+    victim, folder = tmp_path / "victim", tmp_path / "s"
+    victim.write_text("precious")
+    (folder / "runs").mkdir(parents=True)
+    (folder / "runs" / name).symlink_to(victim)
+    with suppress(OutputError, InputError):
+        store(folder, walk(30))
+    assert victim.read_text() == "precious"
+
+
+@pytest.mark.parametrize(
+    "said", ["[]", "{", '{"run": 1}', '{"run": 1, "camera": 2, "track_base": "x", "pid": {}}']
+)
+def test_a_claim_of_wrong_types_counts_for_nothing(tmp_path, said):
+    (tmp_path / "runs").mkdir()
+    for name in (".r.claim", ".other.claim"):
+        (tmp_path / "runs" / name).write_text(said)
+    store(tmp_path, walk(30))
+    assert complete_runs(tmp_path)[0].track_base == 0
 
 
 def _with(**values):
@@ -467,7 +546,8 @@ def test_pyarrow_reads_it(tmp_path):
 
 
 def test_duckdb_reads_it(tmp_path):
-    duckdb = pytest.importorskip("duckdb")
+    import duckdb
+
     tracks = walk(100)
     store(tmp_path, tracks, camera="Müller 1")
     query = (

@@ -66,7 +66,7 @@ def is_scene(path: Path) -> bool:
 def _pieces(scene: "Scene", points: Sequence[GroundPoint]) -> "Iterator[SceneTable]":
     """The run in stretches of time."""
     from scene4d.formats.scenes import SceneTable
-    from scene4d.store.writing import with_keypoints
+    from scene4d.store.schema import with_keypoints
 
     (run,) = scene.runs
     camera = Camera.load(scene.camera_file(run.camera))

@@ -8,6 +8,7 @@ Detection takes hours where everything after it takes minutes: it is what a reru
 """
 
 import io
+import itertools
 import json
 import os
 import re
@@ -23,6 +24,7 @@ from jaxtyping import Float, Float32, Int
 from scene4d.core.errors import InputError, OutputError
 from scene4d.core.files import read_json, write_bytes, write_json
 from scene4d.core.people import Detections
+from scene4d.core.text import quoted
 
 _LOG_SCHEMA = "scene4d/detections/1"
 _CHUNK = re.compile(r"(\d{5,})\.npz")
@@ -76,13 +78,12 @@ class DetectionLog:
         except OSError as error:
             raise OutputError(f"{self._folder}: cannot be written to: {error.strerror}") from error
         path = self._folder / "settings.json"
-        self._there = {int(match[1]) for match in map(_CHUNK.fullmatch, names) if match}
+        there = {int(match[1]) for match in map(_CHUNK.fullmatch, names) if match}
         if path.name in names:
-            _check_settings(path, settings, binding=bool(self._there))
-        if not self._there:
+            _check_settings(path, settings, binding=bool(there))
+        if not there:
             write_json(path, {"schema": _LOG_SCHEMA, "settings": settings})
-        self._complete = 0
-        self._count()
+        self._complete = next(chunk for chunk in itertools.count() if chunk not in there)
         self._check_finished()
 
     @property
@@ -95,16 +96,14 @@ class DetectionLog:
         """Whether there are no more chunks to come."""
         return self._finished_path.exists()
 
-    def append(self, chunk: int, logged: "Logged") -> None:
-        """Write one chunk, atomically; one that is there already is replaced.
+    def append(self, logged: "Logged") -> None:
+        """Write the next chunk, atomically.
 
         Raises :class:`InputError` where the log is finished, and :class:`OutputError` where the
         file cannot be written.
         """
         if self.finished:
-            raise InputError(f"{self._folder}: is finished, chunk {chunk} cannot be added")
-        if chunk < 0:
-            raise InputError(f"{self._folder}: chunk {chunk}, expected a number from 0")
+            raise InputError(f"{self._folder}: is finished, nothing can be added")
         detections = logged.detections
         columns: dict[str, Any] = {
             f.name: np.asarray(getattr(detections, f.name)) for f in fields(Detections)
@@ -115,26 +114,18 @@ class DetectionLog:
             columns[_APPEARANCE] = logged.appearance
         content = io.BytesIO()
         np.savez(content, **columns)
-        write_bytes(self._path(chunk), content.getvalue())
-        self._there.add(chunk)
-        self._count()
+        write_bytes(self._path(self._complete), content.getvalue())
+        self._complete += 1
 
     def chunks(self) -> Iterator["Logged"]:
         """The complete chunks in order, one in memory at a time.
 
         Raises :class:`InputError` for a damaged file, naming it.
         """
-        for chunk in range(self._complete):
-            yield _read_chunk(self._path(chunk))
+        return (_read_chunk(self._path(chunk)) for chunk in range(self._complete))
 
     def finish(self) -> None:
-        """Say that no chunk is missing; raises :class:`InputError` where one is."""
-        beyond = {chunk for chunk in self._there if chunk > self._complete}
-        if beyond:
-            raise InputError(
-                f"{self._folder}: chunk {self._complete} is missing, while chunk {max(beyond)} is "
-                "there; detect it before finishing"
-            )
+        """Say that there are no more chunks to come."""
         write_json(self._finished_path, {"chunks": self._complete})
 
     @property
@@ -144,17 +135,14 @@ class DetectionLog:
     def _path(self, chunk: int) -> Path:
         return self._folder / f"{chunk:05d}.npz"
 
-    def _count(self) -> None:
-        while self._complete in self._there:
-            self._complete += 1
-
     def _check_finished(self) -> None:
         if self.finished:
-            chunks = read_json(self._finished_path).get("chunks")
+            said = read_json(self._finished_path)
+            chunks = said.get("chunks") if isinstance(said, dict) else None
             if chunks != self._complete:
                 raise InputError(
-                    f"{self._finished_path}: says {chunks} chunks, found {self._complete}; remove "
-                    "it, and the missing ones are detected again"
+                    f"{self._finished_path}: says {quoted(chunks)} chunks, found {self._complete}; "
+                    "remove it, and the missing ones are detected again"
                 )
 
 
@@ -163,10 +151,10 @@ def _check_settings(path: Path, settings: dict[str, Any], *, binding: bool) -> N
     stored = read_json(path)
     schema = stored.get("schema") if isinstance(stored, dict) else None
     if schema != _LOG_SCHEMA:
-        raise InputError(f"{path}: schema is {schema!r}, expected {_LOG_SCHEMA!r}")
+        raise InputError(f"{path}: schema is {quoted(schema)}, expected {_LOG_SCHEMA!r}")
     if not binding:
         return
-    before, now = dict(_leaves(stored["settings"])), dict(_leaves(settings))
+    before, now = dict(_leaves(stored.get("settings"))), dict(_leaves(settings))
     differing = [
         f"{name} ({_shown(before, name)} there, {_shown(now, name)} now)"
         for name in sorted({*before, *now})
@@ -198,8 +186,8 @@ def _read_chunk(path: Path) -> Logged:
             columns = {name: file[name] for name in file.files}
         frame, time_s = columns.pop(_FRAMES), columns.pop(_TIMES)
         appearance = columns.pop(_APPEARANCE, None)
-        columns["image_size"] = tuple(columns["image_size"].tolist())
-        columns["keypoint_names"] = tuple(columns["keypoint_names"].tolist())
+        for name in ("image_size", "keypoint_names"):
+            columns[name] = tuple(columns[name].tolist())
         return Logged(frame, time_s, Detections(**columns), appearance)
     except (OSError, ValueError, EOFError, KeyError, TypeError, zipfile.BadZipFile) as error:
         raise InputError(

@@ -4,6 +4,7 @@ Which files are read is decided by the manifests: the parts of complete runs, of
 time that are asked for. So a month of a busy camera is never loaded for the sake of a minute.
 """
 
+import hashlib
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -11,21 +12,24 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import numpy as np
 from arro3.core import DataType, Field, Table
+from jaxtyping import Float
 
 from scene4d.core.errors import InputError, UnavailableError
 from scene4d.core.files import read_json
+from scene4d.core.text import quoted
 from scene4d.core.tracks import Tracks
 from scene4d.store.runs import Part, Run, camera_path, complete_runs
 from scene4d.store.schema import COLUMN_NAMES, COLUMNS, KEYPOINT_COLUMNS, RUN_TRACKS, from_table
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-# DuckDB fetches what a query seems to need from the network, and variables from its caller.
 _ALONE: dict[str, Any] = {
+    # Else DuckDB fetches from the network what a query seems to need, and variables from Python.
     "autoinstall_known_extensions": "false",
     "autoload_known_extensions": "false",
     "python_enable_replacements": "false",
@@ -46,8 +50,15 @@ class _Stored:
     track_offset: int
 
 
-@dataclass(frozen=True)
-class _Question:
+class Question(TypedDict, total=False):
+    """What rows are asked for; what is left out, or None, asks for all.
+
+    ``begin`` (included) and ``end`` (not included) are moments with a time zone, or seconds from
+    the clip's start; ``classes``, ``cameras`` and ``tracks`` mean one of these; ``within_m`` is a
+    rectangle (x0, y0, x1, y1) on the ground with its edges; ``observed`` says whether seen or
+    bridged.
+    """
+
     begin: _Moment | None
     end: _Moment | None
     classes: Sequence[str] | None
@@ -60,12 +71,10 @@ class _Question:
 class Scene:
     """Who was where and when, in one folder or many; nothing is loaded before it is asked for.
 
-    The questions of :meth:`rows` and :meth:`tracks`: ``begin`` (included) and ``end`` (not
-    included), as moments with a time zone or as seconds from the clip's start; ``classes``,
-    ``cameras``, ``tracks``: one of these; ``within_m`` a rectangle (x0, y0, x1, y1) on the ground
-    with its edges; ``observed`` whether seen or bridged. None asks for all. They raise
-    :class:`InputError` for what is not there (naming what is), for impossible ranges and for a
-    damaged file, and :class:`UnavailableError` where DuckDB is not installed.
+    :meth:`rows` and :meth:`tracks` take the fields of :class:`Question` as keywords. They raise
+    :class:`InputError` for what is not there (naming what is), for impossible ranges, and for a
+    part that cannot be read or is not as it was written. Tables come as Arrow, which pandas,
+    Polars, pyarrow and DuckDB take as they are; a scene itself is such a table of all its rows.
     """
 
     def __init__(self, stored: Sequence[_Stored], part_of: "Scene | None" = None) -> None:
@@ -130,63 +139,88 @@ class Scene:
         folder = next(one.folder for one in self._stored if one.run.camera == camera)
         return camera_path(folder, camera)
 
-    def rows(
-        self,
-        *,
-        begin: _Moment | None = None,
-        end: _Moment | None = None,
-        classes: Sequence[str] | None = None,
-        cameras: Sequence[str] | None = None,
-        tracks: Sequence[int] | np.ndarray | None = None,
-        within_m: _Rectangle | None = None,
-        observed: bool | None = None,
-        columns: Sequence[str] | None = None,
-    ) -> Table:
-        """An Arrow table (for pyarrow, pandas, Polars, DuckDB) of the rows, by run, then by part.
+    def rows(self, *, columns: Sequence[str] | None = None, **asked: Unpack[Question]) -> Table:
+        """An Arrow table of the rows, by run, then by part.
 
         ``columns`` names those wanted, in their order; see :mod:`scene4d.store.schema`.
         """
         names = COLUMN_NAMES if columns is None else tuple(columns)
         _check_there(names, COLUMN_NAMES, "column")
-        asked = _Question(begin, end, classes, cameras, tracks, within_m, observed)
         return self._answer(asked, ", ".join(map(_name, names)))
 
-    def tracks(
-        self,
-        *,
-        begin: _Moment | None = None,
-        end: _Moment | None = None,
-        classes: Sequence[str] | None = None,
-        cameras: Sequence[str] | None = None,
-        tracks: Sequence[int] | np.ndarray | None = None,
-        within_m: _Rectangle | None = None,
-        observed: bool | None = None,
-    ) -> Tracks:
+    def tracks(self, **asked: Unpack[Question]) -> Tracks:
         """The same as :class:`Tracks`, ordered by (track, time), numbered as in the scene."""
-        asked = _Question(begin, end, classes, cameras, tracks, within_m, observed)
-        return from_table(
-            self._answer(asked, ", ".join(map(_with_nan, COLUMNS)), "ORDER BY track, time_s")
+        columns = ", ".join(map(_with_nan, COLUMNS))
+        return from_table(self._answer(asked, columns, "ORDER BY track, time_s"))
+
+    def to_pandas(self, **asked: Unpack[Question]) -> Any:
+        """The same as a pandas ``DataFrame``; raises :class:`UnavailableError` without pandas."""
+        try:
+            pandas = import_module("pandas")
+        except ImportError as error:
+            raise UnavailableError("to_pandas needs pandas: pip install pandas") from error
+        return pandas.DataFrame.from_arrow(self.rows(**asked))
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        """All rows, for any library that speaks Arrow's C interface."""
+        return self.rows().__arrow_c_stream__(requested_schema)
+
+    def paths(self, camera: str, most: int) -> dict[int, tuple[str, Float[np.ndarray, "n 2"]]]:
+        """Class and ground positions in order of time of a camera's tracks, for drawing: at most
+        about ``most`` positions, evenly thinned; the first and the last of a track always.
+        """
+        step = max(1, -(-len(self) // most))
+        found = self.sql(
+            "SELECT track, class, x_m, y_m FROM scene "
+            f"WHERE camera = {_text(camera)} AND x_m IS NOT NULL "
+            "WINDOW w AS (PARTITION BY track ORDER BY time_s) "
+            f"QUALIFY (row_number() OVER w - 1) % {step} = 0 OR lead(track) OVER w IS NULL "
+            "ORDER BY track, time_s"
         )
+        if not found.num_rows:
+            return {}
+        track = np.asarray(found["track"].to_numpy())
+        xy = np.column_stack([found[name].to_numpy() for name in ("x_m", "y_m")])
+        names = found["class"].to_pylist()
+        starts = np.flatnonzero(np.diff(track, prepend=-1))
+        return {
+            int(track[start]): (names[start], part)
+            for start, part in zip(starts, np.split(xy, starts[1:]), strict=True)
+        }
+
+    def _repr_html_(self) -> str:
+        from scene4d.store.notebook import scene_html
+
+        return scene_html(self)
 
     def sql(self, query: str) -> Table:
-        """What DuckDB answers to a query on the view ``scene``, which has all rows.
+        """What DuckDB answers to a SELECT on the view ``scene``, which has all rows.
 
         ``scene.sql("SELECT class, count(*) FROM scene GROUP BY class")``
+
+        A query reads nothing but the scene and writes nothing. Raises :class:`InputError` where
+        DuckDB refuses it.
         """
+        _check_select(query)
         parts = [(one, part) for one in self._stored for part in one.run.parts]
         with self._asking(parts) as cursor:
             cursor.execute(f"CREATE OR REPLACE TEMP VIEW scene AS {_source(parts)}")
-            answer = cursor.sql(query)
-            if answer is None:
-                raise InputError(f"query: {query!r} asks nothing, expected a SELECT")
-            return _in_utc(Table.from_arrow(answer))
+            return _in_utc(Table.from_arrow(cursor.sql(query)))
 
-    def _answer(self, asked: _Question, columns: str, order: str = "") -> Table:
-        _check_range(asked.begin, asked.end)
-        if asked.classes is not None:
-            _check_there(asked.classes, self.classes, "class")
-        if asked.cameras is not None:
-            _check_there(asked.cameras, self.cameras, "camera")
+    def _answer(self, asked: Question, columns: str, order: str = "") -> Table:
+        unknown = sorted(set(asked) - Question.__annotations__.keys())
+        if unknown:
+            raise TypeError(
+                f"unknown keyword {unknown[0]!r}; known: {', '.join(Question.__annotations__)}"
+            )
+        _check_range(asked.get("begin"), asked.get("end"))
+        for name, there, what in (
+            ("classes", self.classes, "class"),
+            ("cameras", self.cameras, "camera"),
+        ):
+            wanted: Any = asked.get(name)
+            if wanted is not None:
+                _check_there(wanted, there, what)
         conditions = _conditions(asked)
         parts = self._parts(asked)
         if not parts:  # the types are those of any part
@@ -197,10 +231,11 @@ class Scene:
         with self._asking(parts) as cursor:
             return _in_utc(Table.from_arrow(cursor.sql(query)))
 
-    def _parts(self, asked: _Question) -> list[tuple[_Stored, Part]]:
+    def _parts(self, asked: Question) -> list[tuple[_Stored, Part]]:
         """The files that can hold an answer."""
-        stored = [o for o in self._stored if asked.cameras is None or o.run.camera in asked.cameras]
-        if any(isinstance(moment, datetime) for moment in (asked.begin, asked.end)):
+        cameras, begin, end = asked.get("cameras"), asked.get("begin"), asked.get("end")
+        stored = [one for one in self._stored if cameras is None or one.run.camera in cameras]
+        if any(isinstance(moment, datetime) for moment in (begin, end)):
             stored = [one for one in stored if one.run.start_known]
             if not stored:
                 raise InputError(
@@ -210,45 +245,53 @@ class Scene:
             (one, part)
             for one in stored
             for part in one.run.parts
-            if _reaches(one.run, part, asked.begin, asked.end)
+            if _reaches(one.run, part, begin, end)
         ]
 
     @cached_property
     def _connection(self) -> Any:
         if self._part_of is not None:  # starting another DuckDB takes longer than a small question
             return self._part_of._connection
-        try:
-            import duckdb
-        except ImportError as error:
-            raise UnavailableError(
-                "reading scenes needs DuckDB: pip install 'scene4d[query]'"
-            ) from error
-        return duckdb.connect(config=_ALONE)
+        import duckdb
+
+        connection = duckdb.connect(config=_ALONE)
+        folders = {str((one.folder / "tracks").absolute()) for one in self._stored}
+        allowed = sorted(folders | {_pattern(folder) for folder in folders})
+        connection.execute(f"SET allowed_directories = [{', '.join(map(_text, allowed))}]")
+        connection.execute("SET enable_external_access = false")
+        connection.execute("SET lock_configuration = true")
+        return connection
+
+    @cached_property
+    def _verified(self) -> set[Path]:
+        """The parts whose content was found to be what was written."""
+        return set() if self._part_of is None else self._part_of._verified
 
     @contextmanager
     def _asking(self, parts: Sequence[tuple[_Stored, Part]]) -> Iterator[Any]:
-        connection = self._connection
         import duckdb
 
-        # What is wrong with a query, whatever the files hold.
-        asked_wrongly = (
-            duckdb.ParserException,
-            duckdb.BinderException,
-            duckdb.CatalogException,
-            duckdb.ConversionException,
-            duckdb.OutOfRangeException,
-        )
         for one, part in parts:
-            _check_part(one, part)
+            path = one.folder / part.path
+            _check_part(path, one.run, part, known=path in self._verified)
+            self._verified.add(path)
         try:
-            with connection.cursor() as cursor:
+            with self._connection.cursor() as cursor:
                 yield cursor
-        except InputError:
-            raise
-        except Exception as error:  # of DuckDB, or a bare one where rows stop on their way here
-            if not isinstance(error, asked_wrongly):
-                _blame(connection, parts)
+        except (duckdb.Error, RuntimeError) as error:  # the latter where rows stop on their way
             raise InputError(f"query: {error}") from error
+
+
+def _check_select(query: str) -> None:
+    """Raise :class:`InputError` for anything but one SELECT."""
+    import duckdb
+
+    try:
+        statements = duckdb.extract_statements(query)
+    except duckdb.Error as error:
+        raise InputError(f"query: {error}") from error
+    if [one.type for one in statements] != [duckdb.StatementType.SELECT]:
+        raise InputError(f"query: found {quoted(query)}, expected one SELECT")
 
 
 def _check_cameras(stored: Sequence[_Stored]) -> None:
@@ -299,28 +342,29 @@ def _reaches(run: Run, part: Part, begin: _Moment | None, end: _Moment | None) -
     return (first is None or part_end >= first) and (last is None or part_begin < last)
 
 
-def _conditions(asked: _Question) -> list[str]:
+def _conditions(asked: Question) -> list[str]:
     conditions = []
-    for sign, moment in ((">=", asked.begin), ("<", asked.end)):
+    for sign, moment in ((">=", asked.get("begin")), ("<", asked.get("end"))):
         if isinstance(moment, datetime):
             utc = moment.astimezone(UTC).replace(tzinfo=None).isoformat(" ")
             conditions.append(f"time {sign} '{utc}+00'::TIMESTAMPTZ_NS")
         elif moment is not None:
             conditions.append(f"time_s {sign} {_number(moment)}")
-    for name, wanted in (("class", asked.classes), ("camera", asked.cameras)):
+    for name, wanted in (("class", asked.get("classes")), ("camera", asked.get("cameras"))):
         if wanted is not None:
             conditions.append(f"{_name(name)} IN ({', '.join(map(_text, wanted))})")
-    if asked.tracks is not None:
-        numbers = ", ".join(str(int(track)) for track in asked.tracks)
+    tracks, within_m, observed = asked.get("tracks"), asked.get("within_m"), asked.get("observed")
+    if tracks is not None:
+        numbers = ", ".join(str(int(track)) for track in tracks)
         conditions.append(f"track IN ({numbers})" if numbers else "false")
-    if asked.within_m is not None:
-        x0, y0, x1, y1 = asked.within_m
+    if within_m is not None:
+        x0, y0, x1, y1 = within_m
         if not (x0 <= x1 and y0 <= y1):
-            raise InputError(f"within_m: found {asked.within_m}, expected x0 <= x1 and y0 <= y1")
+            raise InputError(f"within_m: found {within_m}, expected x0 <= x1 and y0 <= y1")
         conditions.append(f"x_m BETWEEN {_number(x0)} AND {_number(x1)}")
         conditions.append(f"y_m BETWEEN {_number(y0)} AND {_number(y1)}")
-    if asked.observed is not None:
-        conditions.append("observed" if asked.observed else "NOT observed")
+    if observed is not None:
+        conditions.append("observed" if observed else "NOT observed")
     return conditions
 
 
@@ -328,7 +372,9 @@ def _source(parts: Sequence[tuple[_Stored, Part]]) -> str:
     """SQL for all rows of these parts, in their order."""
     files: dict[int, list[str]] = {}
     for one, part in parts:
-        files.setdefault(one.track_offset, []).append(_pattern(one.folder / part.path))
+        files.setdefault(one.track_offset, []).append(
+            _text(_pattern(str((one.folder / part.path).absolute())))
+        )
     return " UNION ALL ".join(
         f"SELECT * {f'REPLACE (track + {offset} AS track)' if offset else ''} "
         f"FROM read_parquet([{', '.join(paths)}], hive_partitioning = false)"
@@ -348,32 +394,32 @@ def _with_nan(column: Any) -> str:
     return name
 
 
-def _check_part(one: _Stored, part: Part) -> None:
-    path = one.folder / part.path
+def _check_part(path: Path, run: Run, part: Part, *, known: bool) -> None:
+    """Raise :class:`InputError` where a part is not there, cannot be read or was changed; its
+    content is read only where it is not ``known`` to be right.
+    """
     try:
         found = path.stat().st_size
-    except OSError as error:
+        digest = part.sha256
+        if not known and found == part.bytes and digest is not None:
+            with path.open("rb") as file:
+                digest = hashlib.file_digest(file, "sha256").hexdigest()
+    except FileNotFoundError as error:
         raise InputError(
-            f"{path}: cannot be read: {error.strerror}; if run {one.run.run!r} was written again "
-            "meanwhile, open the scene again"
+            f"{path}: is not there; if run {run.run!r} was written again meanwhile, open the scene "
+            "again"
         ) from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     if found != part.bytes:
         raise InputError(
-            f"{path}: is damaged: has {found} bytes, run {one.run.run!r} wrote {part.bytes}; track "
+            f"{path}: is damaged: has {found} bytes, run {run.run!r} wrote {part.bytes}; track "
             "again"
         )
-
-
-def _blame(connection: Any, parts: Sequence[tuple[_Stored, Part]]) -> None:
-    """Name the part that cannot be read, if it is one."""
-    for one, part in parts:
-        try:
-            with connection.cursor() as cursor:
-                Table.from_arrow(cursor.sql(_source([(one, part)])))
-        except Exception as error:
-            raise InputError(
-                f"{one.folder / part.path}: is damaged: {str(error).splitlines()[0]}; track again"
-            ) from error
+    if digest != part.sha256:
+        raise InputError(
+            f"{path}: is damaged: its content is not what run {run.run!r} wrote; track again"
+        )
 
 
 def _in_utc(table: Table) -> Table:
@@ -403,6 +449,6 @@ def _number(value: float | int) -> str:
     return f"'{float(value)!r}'::DOUBLE"
 
 
-def _pattern(path: Path) -> str:
+def _pattern(path: str) -> str:
     """A path as the pattern that only it matches."""
-    return _text("".join(f"[{c}]" if c in "[*?" else c for c in str(path)))
+    return "".join(f"[{c}]" if c in "[*?" else c for c in path)

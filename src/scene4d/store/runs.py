@@ -2,59 +2,68 @@
 
     cameras/NAME.json                                     the camera's calibration
     tracks/camera=NAME/day=2009-06-01/RUN-00000.parquet   rows of that day (UTC), sorted by time
-    runs/RUN.json                                   the manifest: which parts are this run
-    runs/.RUN.claim, runs/.RUN/                     of a run that is being written, or was killed
+    runs/RUN.json                                         the manifest: which parts are this run
+    runs/.RUN.claim, runs/.RUN.lock, runs/.RUN/           of a run that is being written
 
-A run without a manifest is not there: readers take the parts that manifests name, and no others.
+A run without a manifest does not exist: readers take the parts that manifests name, and no others.
 """
 
+import hashlib
 import re
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any
+from pathlib import Path, PurePosixPath
+from typing import Any, TypeVar
 from urllib.parse import quote
 
 import numpy as np
 
 from scene4d.core.errors import InputError
 from scene4d.core.files import read_json
+from scene4d.core.text import quoted
 from scene4d.store.schema import COLUMNS, SCENE_SCHEMA, time_ns
 
-_LONGEST = 200  # bytes: file systems take 255, and something is added to it
+_LONGEST = 200
+"""Bytes of a name in a path: file systems take 255, and endings are added to it."""
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+T = TypeVar("T")
+_SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def file_name(name: str, what: str) -> str:
     """A name as part of a path, percent-encoded as Hive partitions are: ``a/b`` is ``a%2Fb``.
 
-    Raises :class:`InputError` for an empty name, one with control characters, or one too long.
+    What is left of a long name is made distinct by its hash, and is longer than any name that is
+    not shortened, so that the two never clash. Raises :class:`InputError` for an empty name or one
+    with control characters.
     """
     if not name or any(ord(c) < 32 or ord(c) == 127 for c in name):
         raise InputError(f"{what} {name!r}: expected a name without control characters")
     try:
         encoded = quote(name, safe="")
     except UnicodeEncodeError as error:
-        raise InputError(f"{what} {name!r}: is no Unicode text") from error
+        raise InputError(f"{what} {name!r}: is not Unicode text") from error
     # Hidden files, parents, and the devices of Windows; "~" stays as it is anywhere else.
     if encoded[0] in ".~" or _DEVICES.fullmatch(encoded):
         encoded = f"%{ord(encoded[0]):02X}{encoded[1:]}"
     if len(encoded) > _LONGEST:
-        raise InputError(
-            f"{what} {name[:20]!r}...: takes {len(encoded)} bytes as a file name, expected at most "
-            f"{_LONGEST}"
-        )
+        whole = re.sub(r"%[0-9A-F]?$", "", encoded[: _LONGEST - 10])
+        encoded = f"{whole}~{hashlib.sha256(name.encode()).hexdigest()[:16]}"
     return encoded
 
 
 @dataclass(frozen=True)
 class Part:
-    """One Parquet file of a run: its path below the scene's folder, and what is in it."""
+    """One Parquet file of a run: its path below the scene's folder, and what is in it.
+
+    ``sha256`` is that of the file; None in scenes of version 0.1, whose parts are not verified.
+    """
 
     path: str
     rows: int
     bytes: int
     begin_s: float
     end_s: float
+    sha256: str | None = None
 
 
 @dataclass(frozen=True)
@@ -63,7 +72,7 @@ class Run:
 
     ``start_ns`` counts from 1970 in UTC, 0 where ``start_known`` is false; the parts' times are
     seconds from that start, the last one included. Track numbers begin at ``track_base``.
-    ``classes`` counts rows.
+    ``classes`` counts rows, ``keypoints`` is the number of keypoints of a row.
     """
 
     run: str
@@ -78,17 +87,21 @@ class Run:
     software: str
     provenance: dict[str, Any]
 
+    @property
+    def span_s(self) -> tuple[float, float] | None:
+        """Times of the first and of the last row; None where there are none."""
+        if not self.parts:
+            return None
+        return min(part.begin_s for part in self.parts), max(part.end_s for part in self.parts)
+
     def to_dict(self) -> dict[str, Any]:
         """What the manifest says, as JSON."""
+        begin, end = (_iso(self.moment_ns(s)) for s in self.span_s) if self.span_s else (None, None)
         readable = {
             "schema": SCENE_SCHEMA,
             "start": _iso(self.start_ns),
-            "begin": _iso(self.moment_ns(min(part.begin_s for part in self.parts)))
-            if self.parts
-            else None,
-            "end": _iso(self.moment_ns(max(part.end_s for part in self.parts)))
-            if self.parts
-            else None,
+            "begin": begin,
+            "end": end,
             "columns": [asdict(column) for column in COLUMNS],
         }
         return readable | asdict(self)
@@ -99,22 +112,93 @@ class Run:
 
     @classmethod
     def load(cls, path: Path) -> "Run":
-        """A manifest; raises :class:`InputError` for another schema and for missing fields."""
+        """A manifest; raises :class:`InputError` naming the field that is missing or wrong."""
         values = read_json(path)
         found = values.get("schema") if isinstance(values, dict) else None
         if found != SCENE_SCHEMA:
             raise InputError(
-                f"{path}: schema is {found!r}, expected {SCENE_SCHEMA!r}; a newer version of "
-                "scene4d may read it"
+                f"{path}: schema is {quoted(found)}, expected {SCENE_SCHEMA!r}; a newer "
+                "version of scene4d may read it"
             )
-        try:
-            known = {name: values[name] for name in cls.__dataclass_fields__}
-            known["parts"] = tuple(Part(**part) for part in known["parts"])
-            return cls(**known)
-        except KeyError as error:
-            raise InputError(f"{path}: has no field {error}") from error
-        except TypeError as error:
-            raise InputError(f"{path}: parts: expected a list of parts: {error}") from error
+        said = _Said(str(path), values)
+        classes = _Said(f"{path}: classes", said.get("classes", dict))
+        parts = said.get("parts", list)
+        return cls(
+            run=said.get("run", str),
+            camera=said.get("camera", str),
+            start_ns=said.whole("start_ns", least=-_MOST),
+            start_known=said.get("start_known", bool),
+            track_base=said.whole("track_base"),
+            keypoints=said.whole("keypoints"),
+            rows=said.whole("rows"),
+            classes={name: classes.whole(name) for name in classes.values},
+            parts=tuple(_part(f"{path}: parts[{i}]", part) for i, part in enumerate(parts)),
+            software=said.get("software", str),
+            provenance=said.get("provenance", dict),
+        )
+
+
+@dataclass(frozen=True)
+class _Said:
+    """A JSON object whose fields are asked for by type; ``where`` is what messages call it."""
+
+    where: str
+    values: dict[str, Any]
+
+    def get(self, name: str, kind: type[T]) -> T:
+        """A field; raises :class:`InputError` where it is missing or of another type."""
+        if name not in self.values:
+            raise InputError(f"{self.where}: has no field {name!r}")
+        value = self.values[name]
+        if kind is float and type(value) is int and abs(value) < _MOST:
+            value = float(value)
+        if type(value) is not kind:
+            raise self.wrong(name, _KINDS[kind])
+        return value
+
+    def whole(self, name: str, least: int = 0) -> int:
+        """A whole number from ``least`` on."""
+        value = self.get(name, int)
+        if not least <= value < _MOST:
+            raise self.wrong(name, f"a whole number from {least} on")
+        return value
+
+    def wrong(self, name: str, expected: str) -> InputError:
+        """The error for a field that is not as expected."""
+        found = quoted(self.values[name])
+        return InputError(f"{self.where}: {name}: found {found}, expected {expected}")
+
+
+_MOST = 2**63
+_KINDS: dict[type, str] = {
+    str: "a text",
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+    dict: "an object",
+    list: "a list",
+}
+
+
+def _part(where: str, values: Any) -> Part:
+    """One part; its path stays below the scene's ``tracks``."""
+    if not isinstance(values, dict):
+        raise InputError(f"{where}: found {quoted(values)}, expected an object")
+    said = _Said(where, values)
+    path = said.get("path", str)
+    steps = PurePosixPath(path).parts
+    if "\\" in path or ":" in path or ".." in steps or steps[:1] != ("tracks",):
+        raise said.wrong("path", "a path below the scene's folder tracks/")
+    if values.get("sha256") is not None and not _SHA256.fullmatch(said.get("sha256", str)):
+        raise said.wrong("sha256", "64 hexadecimal digits")
+    return Part(
+        path=path,
+        rows=said.whole("rows"),
+        bytes=said.whole("bytes"),
+        begin_s=said.get("begin_s", float),
+        end_s=said.get("end_s", float),
+        sha256=values.get("sha256"),
+    )
 
 
 def manifest_path(folder: Path, run: str) -> Path:

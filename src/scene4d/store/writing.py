@@ -1,19 +1,20 @@
-"""Writing a scene: tracks in, Parquet files out, and a run is there as a whole or not at all.
+"""Writing a scene: tracks in, Parquet files out.
 
-Parts are made out of sight in ``runs/.RUN/``, moved to their places when the run is complete, and
-count from the moment its manifest stands. What a rerun replaces is removed after that. So a run
-killed at any moment leaves the scene as it was, or as it was to become. While a rerun is moved into
-place, readers that do not know of manifests can see rows twice.
+Parts are made out of sight in ``runs/.RUN/``, moved to their places when the run is committed, and
+count from the moment the manifest names them; what they replace is removed after that. A run killed
+at any moment therefore leaves the scene as it was at the last commit: recorded footage is committed
+once, at its end, a stream again and again. Readers that ignore manifests can see rows twice while a
+commit is moved into place.
 """
 
-import io
+import hashlib
 import json
 import os
 import re
 import shutil
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from importlib.metadata import version
@@ -21,12 +22,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from arro3.io import write_parquet
+from filelock import FileLock
 
 from scene4d.core.errors import InputError, OutputError
 from scene4d.core.files import read_json, write_bytes, write_json
 from scene4d.core.tracks import Tracks
-from scene4d.store.claims import Claim, claims, locked
+from scene4d.store.claims import Claim, claims
 from scene4d.store.runs import (
     Part,
     Run,
@@ -37,18 +38,16 @@ from scene4d.store.runs import (
     rows_folder,
 )
 from scene4d.store.schema import (
-    COLUMNS,
-    KEYPOINT_COLUMNS,
     RUN_TRACKS,
-    SCENE_SCHEMA,
+    as_stored,
     check_tracks,
     time_ns,
-    to_table,
+    to_parquet,
+    with_keypoints,
 )
 
 _ROWS_PER_PART = 131_072
 """Rows that are held in memory before they become a file: about 70 MB with keypoints."""
-_ROWS_PER_GROUP = 32_768
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _YEARS = (1900, 2200)  # what nanoseconds in 64 bits can hold, with room for the footage
 
@@ -76,7 +75,6 @@ class SceneWriter:
         start_utc: datetime | None,
         camera_json: dict[str, Any],
         provenance: dict[str, Any],
-        rows_per_part: int = _ROWS_PER_PART,
     ) -> None:
         self._folder = Path(folder)
         self._run = Run(
@@ -94,11 +92,15 @@ class SceneWriter:
         )
         self._file_name = file_name(run, "run")
         self._staging = self._folder / "runs" / f".{self._file_name}"
-        self._rows_per_part = rows_per_part
+        self._rows_per_part = _ROWS_PER_PART
         self._buffer: list[Tracks] = []
         self._buffered = 0
-        self._staged: list[_Staged] = []
-        self._classes: Counter[str] = Counter()
+        self._staged: list[_Staged] = []  # full parts that are not in their places yet
+        self._placed: list[Part] = []  # full parts that are
+        self._classes: Counter[str] = Counter()  # of both
+        self._next_part = 0
+        self._dirty = True  # the manifest does not say what was written
+        self._committed = False
         self._claim: Claim | None = None
         calibration = _as_json(camera_json, "camera_json")
         camera_path(self._folder, camera)  # refuses names before anything is made
@@ -127,7 +129,8 @@ class SceneWriter:
         Raises :class:`InputError` for classes, times and track numbers that a scene cannot hold
         and for another skeleton than before; :class:`OutputError` where a file cannot be written.
         """
-        self._check_open()
+        if self._claim is None:
+            raise InputError(f"{self._folder}: run {self._run.run!r} is closed already")
         check_tracks(tracks)
         if not len(tracks):
             return
@@ -138,38 +141,70 @@ class SceneWriter:
                 "one run has one skeleton"
             )
         self._run = replace(self._run, keypoints=max(k, self._run.keypoints))
+        self._dirty = True
         # Cut in the order of arrival, so that the files do not depend on how rows are handed over.
         begin = 0
         while begin < len(tracks):
             end = min(len(tracks), begin + self._rows_per_part - self._buffered)
             piece = tracks if end - begin == len(tracks) else tracks.select(np.arange(begin, end))
-            self._buffer.append(_as_stored(piece))
+            self._buffer.append(as_stored(piece))
             self._buffered += end - begin
             begin = end
             if self._buffered == self._rows_per_part:
                 self._flush()
 
+    def commit(self) -> None:
+        """Make what was written so far a part of the scene, and go on.
+
+        The last part of a run stays open: it is written again, with the rows that have come, until
+        it is full. Raises :class:`OutputError` where a file cannot be written; the scene is as it
+        was then.
+        """
+        if not self._dirty:
+            return
+        with _writing(self._folder):
+            last = self._stage_all(self._buffer)
+            self._placed += [self._place(part) for part in self._staged]
+            self._staged = []
+            parts = [*self._placed, *(self._place(part) for part in last)]
+            for folder in {(self._folder / part.path).parent for part in parts}:
+                _settle(folder)
+            classes = self._classes + _classes(self._buffer)
+            self._run = replace(
+                self._run,
+                rows=sum(part.rows for part in parts),
+                classes=dict(sorted(classes.items())),
+                parts=tuple(parts),
+            )
+            write_json(manifest_path(self._folder, self._run.run), self._run.to_dict())
+            self._committed, self._dirty = True, False
+            self._sweep()
+
     def close(self) -> None:
-        """Make the run a part of the scene; twice does no harm.
+        """Commit, and let go of the run; twice does no harm.
 
         Raises :class:`OutputError` where a file cannot be written; the scene is as it was then.
         """
         if self._claim is None:
             return
         try:
-            self._flush()
-            with _writing(self._folder):
-                self._complete()
+            self.commit()
         except Exception:
             self.abandon()
             raise
-        self._release(self._claim, done=True)
+        self.abandon()
 
     def abandon(self) -> None:
-        """Leave the scene as it was."""
-        if self._claim is not None:
-            shutil.rmtree(self._staging, ignore_errors=True)
-            self._release(self._claim, done=False)
+        """Let go of the run, and leave the scene as it was at the last commit."""
+        claim, self._claim = self._claim, None
+        if claim is None:
+            return
+        shutil.rmtree(self._staging, ignore_errors=True)
+        try:
+            with self._scene_locked():
+                claim.release(done=self._committed)
+        finally:
+            claim.release(done=False)
 
     def _begin(self, calibration: dict[str, Any]) -> Claim:
         """Take the run, its track numbers and its camera; the scene is locked meanwhile."""
@@ -183,18 +218,20 @@ class SceneWriter:
         claim = Claim.take(self._staging.with_name(f".{self._file_name}.claim"), self._run.run)
         try:
             others = claims(self._staging.parent, but=self._run.run)
-            in_use = {run.camera for run in runs} | {c.camera for c in others if c.alive}
+            in_use = {run.camera for run in runs} | {c.camera for c, alive in others if alive}
             self._put_camera(calibration, in_use=self._run.camera in in_use)
-            base = claim.track_base if own is None else own.track_base
-            if base is None:
-                taken = [run.track_base for run in runs] + [c.track_base for c in others]
-                base = max(taken, default=-RUN_TRACKS) + RUN_TRACKS
-            self._run = replace(self._run, track_base=base)
-            claim.write(self._run.run, self._run.camera, base)
+            before = own or claim.before
+            taken = [run.track_base for run in runs] + [c.track_base for c, _ in others]
+            base = max(taken, default=-RUN_TRACKS) + RUN_TRACKS
+            self._run = replace(self._run, track_base=before.track_base if before else base)
+            claim.write(self._run.run, self._run.camera, self._run.track_base)
             self._sweep()
+            shutil.rmtree(self._staging, ignore_errors=True)
             self._staging.mkdir()
+            # Beside the parts that are to be replaced, never over them.
+            self._next_part = max((number for number, _ in self._own_parts()), default=-1) + 1
         except BaseException:
-            claim.release()
+            claim.release(done=False)
             raise
         return claim
 
@@ -205,6 +242,8 @@ class SceneWriter:
             write_json(path, calibration)
             return
         before = read_json(path)
+        if not isinstance(before, dict):
+            raise InputError(f"{path}: is not a JSON object")
         other = sorted(k for k in {*before, *calibration} if before.get(k) != calibration.get(k))
         if other:
             raise InputError(
@@ -212,80 +251,53 @@ class SceneWriter:
                 f"({', '.join(other)}); give this one another name, or write to another folder"
             )
 
-    def _complete(self) -> None:
-        old = [number for number, _ in self._own_parts()]
-        # Beside the parts that are to be replaced, never over them.
-        first = 0 if min(old, default=len(self._staged)) >= len(self._staged) else max(old) + 1
-        parts = [self._place(part, first + i) for i, part in enumerate(self._staged)]
-        for folder in {(self._folder / part.path).parent for part in parts}:
-            _settle(folder)
-        self._run = replace(
-            self._run,
-            rows=sum(part.rows for part in parts),
-            classes=dict(sorted(self._classes.items())),
-            parts=tuple(parts),
-        )
-        write_json(manifest_path(self._folder, self._run.run), self._run.to_dict())
-        self._sweep()
-
     def _flush(self) -> None:
-        if not self._buffered:
-            return
-        tracks = Tracks.concatenate([with_keypoints(t, self._run.keypoints) for t in self._buffer])
+        """Turn the buffer into full parts."""
+        self._staged += self._stage_all(self._buffer)
+        self._classes += _classes(self._buffer)
         self._buffer, self._buffered = [], 0
+
+    def _stage_all(self, buffer: list[Tracks]) -> list["_Staged"]:
+        """One part for each day."""
+        if not buffer:
+            return []
+        tracks = Tracks.concatenate([with_keypoints(t, self._run.keypoints) for t in buffer])
         tracks = tracks.select(np.lexsort((tracks.track, tracks.time_s)))
         times = time_ns(tracks.time_s, self._run.start_ns).astype("datetime64[ns]")
         days, begins = np.unique(times.astype("datetime64[D]"), return_index=True)
-        for day, rows in zip(days, np.split(np.arange(len(tracks)), begins[1:]), strict=True):
+        pieces = np.split(np.arange(len(tracks)), begins[1:])
+        return [
             self._stage(tracks if len(days) == 1 else tracks.select(rows), str(day))
-        names, counts = np.unique(tracks.class_name, return_counts=True)
-        self._classes.update(dict(zip(names.tolist(), counts.tolist(), strict=True)))
+            for day, rows in zip(days, pieces, strict=True)
+        ]
 
-    def _stage(self, tracks: Tracks, day: str) -> None:
-        content = self._parquet(tracks)
-        path = self._staging / f"{len(self._staged):05d}"
-        write_bytes(path, content)
-        self._staged.append(
-            _Staged(
-                path,
-                day,
-                rows=len(tracks),
-                bytes=len(content),
-                begin_s=float(tracks.time_s[0]),
-                end_s=float(tracks.time_s[-1]),
-            )
-        )
-
-    def _parquet(self, tracks: Tracks) -> bytes:
-        table = to_table(
+    def _stage(self, tracks: Tracks, day: str) -> "_Staged":
+        content = to_parquet(
             tracks,
             camera=self._run.camera,
             start_ns=self._run.start_ns,
             track_base=self._run.track_base,
         )
-        buffer = io.BytesIO()
-        write_parquet(
-            table,
-            buffer,
-            compression="zstd(1)",
-            max_row_group_size=_ROWS_PER_GROUP,
-            key_value_metadata={"scene4d.schema": SCENE_SCHEMA},
-            **_floats_in_planes(),
-        )
-        return buffer.getvalue()
-
-    def _place(self, staged: "_Staged", number: int) -> Part:
-        folder = rows_folder(self._folder, self._run.camera) / f"day={staged.day}"
-        folder.mkdir(parents=True, exist_ok=True)
-        target = folder / f"{self._file_name}-{number:05d}.parquet"
-        staged.path.replace(target)
-        return Part(
+        number, self._next_part = self._next_part, self._next_part + 1
+        target = rows_folder(self._folder, self._run.camera) / f"day={day}"
+        target /= f"{self._file_name}-{number:05d}.parquet"
+        staged = self._staging / target.name
+        write_bytes(staged, content)
+        part = Part(
             path=target.relative_to(self._folder).as_posix(),
-            rows=staged.rows,
-            bytes=staged.bytes,
-            begin_s=staged.begin_s,
-            end_s=staged.end_s,
+            rows=len(tracks),
+            bytes=len(content),
+            begin_s=float(tracks.time_s[0]),
+            end_s=float(tracks.time_s[-1]),
+            sha256=hashlib.sha256(content).hexdigest(),
         )
+        return _Staged(staged, part)
+
+    def _place(self, staged: "_Staged") -> Part:
+        target = self._folder / staged.part.path
+        target.parent.mkdir(parents=True, exist_ok=True)
+        staged.file.replace(target)
+        return staged.part
 
     def _own_parts(self) -> list[tuple[int, Path]]:
         """The parts in place that bear this run's name, with their numbers."""
@@ -301,64 +313,33 @@ class SceneWriter:
         for _, path in self._own_parts():
             if path.relative_to(self._folder).as_posix() not in named:
                 path.unlink()
-        half_written = re.compile(re.escape(f".{manifest.name[:100]}.") + "[0-9a-f]{12}")
+        names = (manifest.name, f"{self._staging.name}.claim")
+        starts = "|".join(re.escape(f".{name[:100]}.") for name in names)
+        half_written = re.compile(f"({starts})[0-9a-f]{{12}}")
         for path in manifest.parent.iterdir():
             if half_written.fullmatch(path.name):
                 path.unlink()
-        shutil.rmtree(self._staging, ignore_errors=True)
 
-    def _check_open(self) -> None:
-        if self._claim is None:
-            raise InputError(f"{self._folder}: run {self._run.run!r} is closed already")
-
-    def _scene_locked(self) -> AbstractContextManager[None]:
-        return locked(self._staging.with_name(".lock"))
-
-    def _release(self, claim: Claim, *, done: bool) -> None:
-        self._claim = None
-        try:
-            with self._scene_locked():
-                if done:
-                    claim.path.unlink(missing_ok=True)
-        finally:
-            claim.release()
+    def _scene_locked(self) -> FileLock:
+        """The lock under which a scene is looked over, for a few milliseconds."""
+        return FileLock(self._staging.with_name(".lock"))
 
 
 @dataclass(frozen=True)
 class _Staged:
-    """A part that is written, and not in its place yet."""
+    """A part that is written to ``file``, and not in its place yet."""
 
-    path: Path
-    day: str
-    rows: int
-    bytes: int
-    begin_s: float
-    end_s: float
+    file: Path
+    part: Part
 
 
-def _floats_in_planes() -> dict[str, Any]:
-    """Options of the Parquet writer: bytes of equal weight together, which zstd packs better."""
-    names: list[Any] = [c.name for c in COLUMNS if c.type == "float64"]
-    names += [(name, "list", "element") for name in KEYPOINT_COLUMNS]
-    return {
-        "column_encoding": dict.fromkeys(names, "byte_stream_split"),
-        "column_dictionary_enabled": dict.fromkeys(names, False),
-    }
-
-
-def _as_stored(tracks: Tracks) -> Tracks:
-    """Keypoints in the precision of the files: half the memory, and half the copying."""
-    uv, score = tracks.keypoint_uv.astype(np.float32), tracks.keypoint_score.astype(np.float32)
-    return replace(tracks, keypoint_uv=uv, keypoint_score=score)
-
-
-def with_keypoints(tracks: Tracks, k: int) -> Tracks:
-    """Rows without a skeleton as rows of one with ``k`` keypoints that are not seen."""
-    n = len(tracks)
-    if tracks.keypoint_uv.shape[1] == k:
-        return tracks
-    uv, score = np.full((n, k, 2), np.nan, np.float32), np.zeros((n, k), np.float32)
-    return replace(tracks, keypoint_uv=uv, keypoint_score=score)
+def _classes(buffer: list[Tracks]) -> Counter[str]:
+    """Numbers of rows by class."""
+    total: Counter[str] = Counter()
+    for tracks in buffer:
+        names, counts = np.unique(tracks.class_name, return_counts=True)
+        total.update(dict(zip(names.tolist(), counts.tolist(), strict=True)))
+    return total
 
 
 def _start_ns(start_utc: datetime | None) -> int:

@@ -55,7 +55,7 @@ def watch_into(
         for number, frame in frames:
             while number > chunk:
                 monitor.check(source.name)
-                log.append(chunk, _logged(seen, source.image_size))
+                log.append(_logged(seen, source.image_size))
                 seen, chunk = [], chunk + 1
             with timed(run.timings, "does it move"):
                 monitor.add(frame.image_bgr, frame.time_s)
@@ -64,7 +64,7 @@ def watch_into(
             step(1)
     monitor.check(source.name)
     if seen:
-        log.append(chunk, _logged(seen, source.image_size))
+        log.append(_logged(seen, source.image_size))
     log.finish()
 
 
