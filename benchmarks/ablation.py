@@ -20,9 +20,8 @@ from unittest import mock
 import numpy as np
 
 from scene4d.calibration import body, joint, person_segments, prior, refine, solve, solve_segments
-from scene4d.calibration.options import Options, Seen
-from scene4d.calibration.solving import POPULATION_SIGMA_M
-from scene4d.calibration.watching import watch
+from scene4d.calibration.options import CalibrateOptions
+from scene4d.calibration.watching import Seen, watch
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera, Lens
 from scene4d.core.people import Detections, Segments
@@ -55,18 +54,14 @@ class Case:
     edges: np.ndarray | None = None
 
     def solve(self, **changed: object) -> Calibration:
-        told = {
-            "lens": self.lens,
-            "lines_xyxy": self.edges,
-            "population_sigma_m": POPULATION_SIGMA_M,
-            "systematics": True,
-        }
-        return solve_segments(self.segments, image_size=self.image_size, **(told | changed))
+        options = CalibrateOptions(orientation="people", lens=self.lens, **changed)
+        edges = self.edges if options.lines else None
+        return solve_segments(self.segments, self.image_size, options, edges_xyxy=edges)
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One thing changed: arguments of the solver, constants of the model, or the people."""
+    """One thing changed: options of the solver, constants of the model, or the people."""
 
     name: str
     arguments: dict[str, object] = field(default_factory=dict)
@@ -121,7 +116,7 @@ VARIANTS = (
     Variant("no prior", constants=((prior, "_SIGMA", 100 * prior._SIGMA),)),
     Variant(
         "no edges",
-        {"lines_xyxy": None},
+        {"lines": False},
         concerns=lambda case: case.edges is not None,
     ),
     Variant(
@@ -141,7 +136,7 @@ VARIANTS = (
 
 
 def seen_in(source: Source) -> Seen:
-    return watch(source, None, Options(frames=10**9), Silent(), {})
+    return watch(source, CalibrateOptions(frames=10**9), Silent(), {})
 
 
 def of_footage(name: str, seen: Seen, reference: Reference, lens: Lens | None = None) -> Case:
@@ -151,7 +146,7 @@ def of_footage(name: str, seen: Seen, reference: Reference, lens: Lens | None = 
         reference.image_size,
         lambda found: (reference.score(found.camera).rms_m, reference.predicted_m(found)),
         lens,
-        seen.edges,
+        seen.edges_xyxy,
     )
 
 
@@ -332,7 +327,7 @@ def tables(data: Path, scratch: Path) -> str:
     park, street = pets(data / "pets2009"), towncentre(data / "towncentre")
     video = data / "pets2009" / "vtest.avi"
     with open_source(video) as source:
-        default = watch(source, None, Options(), Silent(), {})
+        default = watch(source, CalibrateOptions(), Silent(), {})
     with open_source(video) as source:
         everything = seen_in(source)
     with open_source(data / "towncentre" / "frames") as source:
@@ -360,7 +355,7 @@ def tables(data: Path, scratch: Path) -> str:
         (
             name,
             of_boxes("", seen.detections, reference),
-            of_footage("", replace(seen, edges=None), reference, reference.camera.lens),
+            of_footage("", replace(seen, edges_xyxy=None), reference, reference.camera.lens),
         )
         for name, seen, reference in (
             ("PETS video", default, park),

@@ -17,6 +17,7 @@ import av
 import numpy as np
 
 from scene4d import calibrate
+from scene4d.calibration import CalibrateOptions
 from scene4d.core.calibration import Calibration
 from scene4d.core.orientation import Orientation
 from scene4d.evaluation import PUBLISHED, Reference, near_figures, pets, towncentre
@@ -94,7 +95,7 @@ def rows(data: Path, scratch: Path) -> list[Row]:
         Row(
             "PETS 2009 video, the paper's method, 1.70 m",
             "nothing (network)",
-            calibrate(video, method="paper", orientation="network"),
+            calibrate(video, CalibrateOptions(method="paper", orientation="network")),
             park,
         )
     )
@@ -105,11 +106,13 @@ def rows(data: Path, scratch: Path) -> list[Row]:
             "nothing (network)",
             calibrate(
                 frames,
-                annotations=boxes,
-                method="paper",
-                orientation="network",
-                person_height_m=1.7018,
-                drop_invalid=True,
+                CalibrateOptions(
+                    annotations=boxes,
+                    method="paper",
+                    orientation="network",
+                    person_height_m=1.7018,
+                    drop_invalid=True,
+                ),
             ),
             street,
         )
@@ -117,22 +120,26 @@ def rows(data: Path, scratch: Path) -> list[Row]:
     for name, title in (("frcnn_det.txt", "Faster R-CNN"), ("PETS2009-S2L1.xml", "hand-drawn")):
         result = calibrate(
             None,
-            annotations=data / "pets2009" / name,
-            image_size=park.camera.image_size,
-            lens=data / "pets2009" / "View_001.xml",
+            CalibrateOptions(
+                annotations=data / "pets2009" / name,
+                image_size=park.camera.image_size,
+                lens=data / "pets2009" / "View_001.xml",
+            ),
         )
         found.append(Row(f"PETS 2009, {title} boxes", "lens", result, park))
     camera = street.camera
     for height in (1.7018, 1.8288):
         result = calibrate(
             None,
-            annotations=boxes,
-            image_size=camera.image_size,
-            lens=data / "towncentre" / "TownCentre-calibration.ci",
-            orientation=Orientation(camera.focal_px, camera.tilt_rad, camera.roll_rad),
-            method="paper",
-            person_height_m=height,
-            drop_invalid=True,
+            CalibrateOptions(
+                annotations=boxes,
+                image_size=camera.image_size,
+                lens=data / "towncentre" / "TownCentre-calibration.ci",
+                orientation=Orientation(camera.focal_px, camera.tilt_rad, camera.roll_rad),
+                method="paper",
+                person_height_m=height,
+                drop_invalid=True,
+            ),
         )
         case = f"TownCentre, tracker boxes, the paper's method, {height:g} m"
         found.append(Row(case, "lens, tilt, roll", result, street))

@@ -8,7 +8,7 @@ import contextlib
 import io
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 from benchmarks.scenes import FOOT_HEIGHT_M, PERSON_HEIGHT_M, SPREAD_M, Scene
 from scene4d import solve_camera
 from scene4d.calibration import solve_segments
+from scene4d.calibration.options import POINTS
 from scene4d.core.camera import Camera, Lens
 from scene4d.core.geometry import rotation_from_tilt_roll
 from scene4d.core.people import Segments
@@ -57,13 +58,14 @@ def ours_told(scene: Scene) -> Camera | None:
     """The solver behind ``solve_camera`` with a lens file's focal length."""
     K = np.diag([scene.focal_px, scene.focal_px, 1.0])
     K[:2, 2] = (np.array(scene.image_size) - 1) / 2
-    found = solve_segments(
-        Segments.from_points(scene.foot_uv, scene.head_uv),
-        image_size=scene.image_size,
+    options = replace(
+        POINTS,
         person_height_m=PERSON_HEIGHT_M,
         foot_height_m=FOOT_HEIGHT_M,
         lens=Lens(scene.image_size, K),
     )
+    segments = Segments.from_points(scene.foot_uv, scene.head_uv)
+    found = solve_segments(segments, scene.image_size, options)
     return found.camera if found else None
 
 

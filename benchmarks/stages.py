@@ -17,8 +17,8 @@ import av
 import numpy as np
 
 from benchmarks.tables import Rows
-from scene4d.calibration.calibrating import run
-from scene4d.calibration.options import Options, Run
+from scene4d.calibration.calibrating import Run, run
+from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.writing import write
 from scene4d.core.progress import Silent
 from scene4d.perception import people as people_module
@@ -110,7 +110,7 @@ def timed_calibration(video: Path, frames: int | None) -> Timed:
                 wrapped = clock.on(name, getattr(owner, attribute))
                 stack.enter_context(mock.patch.object(owner, attribute, wrapped))
         begun = time.perf_counter()
-        result = run(video, Options(frames=frames), Silent())
+        result = run(video, CalibrateOptions(frames=frames), Silent())
         write(result, out, command=None, progress=Silent())
         total = time.perf_counter() - begun
     for theirs, name in OWN_CLOCK.items():

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from scene4d.calibration.calibrating import run
-from scene4d.calibration.options import Options
+from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.writing import write
 from scene4d.core.camera import Camera
 from scene4d.core.geometry import rigid_fit
@@ -113,7 +113,12 @@ def main() -> None:
     )
     with tempfile.TemporaryDirectory() as scratch:
         out = arguments.out or Path(scratch)
-        write(run(video, Options(), Silent()), out / "camera", command=None, progress=Silent())
+        write(
+            run(video, CalibrateOptions(), Silent()),
+            out / "camera",
+            command=None,
+            progress=Silent(),
+        )
         write_camera(reference.camera, out / "true.json", "json")
         cameras = {"calibrated from the video": out / "camera" / "camera.json"}
         cameras["the true camera"] = out / "true.json"

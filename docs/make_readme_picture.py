@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 
 from scene4d.calibration.calibrating import run
-from scene4d.calibration.options import Options
+from scene4d.calibration.options import CalibrateOptions
 from scene4d.core.progress import Silent
 from scene4d.drawing.overlay import draw_overlay
 from scene4d.perception.weights import cache_dir
@@ -18,7 +18,7 @@ WIDTH = 1000
 
 
 def main() -> None:
-    result = run(sample_video(cache_dir()), Options(), Silent())
+    result = run(sample_video(cache_dir()), CalibrateOptions(), Silent())
     out = Path(__file__).parent / "images" / "overlay.jpg"
     png = out.with_suffix(".png")
     png.write_bytes(draw_overlay(result.calibration, result.image_bgr))

@@ -2,10 +2,8 @@
 
 import numpy as np
 
-from scene4d.calibration.options import Seen
 from scene4d.calibration.orienting import OrientationReading
 from scene4d.core.camera import Camera, Lens
-from scene4d.core.people import Detections, Segments
 from scene4d.perception.orientation import Belief, crop_size, fused
 
 SIGMA_DEG = (1.5, 3.0)
@@ -32,12 +30,3 @@ def reading_of(
     return OrientationReading(
         fused(list(beliefs)), by_frame, image_size, lens, focal_known=lens is not None
     )
-
-
-def seen_with(reading: OrientationReading | None, image_size: tuple[int, int]) -> Seen:
-    nobody = Detections.from_boxes(image_size, np.empty(0, np.int64), np.empty((0, 4)))
-    return Seen(nobody, 1, reading=reading)
-
-
-def some(segments: Segments, rows: slice) -> Segments:
-    return segments.select(np.arange(len(segments))[rows])

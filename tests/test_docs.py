@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from scene4d.calibration.calibrating import run_detections
-from scene4d.calibration.options import Options
+from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.writing import write
 from scene4d.core.progress import Silent
 from scene4d.formats.demo import demo_detections
@@ -31,7 +31,7 @@ def test_the_tutorial_runs(
 ):
     """On the embedded people of the sample video, so that no network is needed."""
     people = demo_detections()
-    result = run_detections(people, Options(), Silent(), "the sample video")
+    result = run_detections(people, CalibrateOptions(), Silent(), "the sample video")
     write(result, tmp_path / "first", command=None, progress=Silent())
     monkeypatch.chdir(tmp_path)
     text = (ROOT / "docs" / "tutorial.md").read_text()

@@ -1,12 +1,15 @@
 """Cameras over people whose truth is known, for the tests of the calibration."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scene4d.calibration import solve_segments
 from scene4d.calibration.body import Points
+from scene4d.calibration.options import POINTS
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
+from scene4d.core.people import Segments
 from strategies import PeopleScene, build_camera, build_lens, people_scene
 
 FOOT_HEIGHT_M = 0.04
@@ -25,6 +28,18 @@ class Scene:
     def truth(self) -> np.ndarray:
         """(log f in half diagonals, tilt, roll, log height, D) of the camera."""
         return parameters_of(self.camera)
+
+
+def solve_points(
+    segments: Segments,
+    image_size: tuple[int, int],
+    *,
+    edges_xyxy: np.ndarray | None = None,
+    **changed: object,
+) -> Calibration:
+    """The solver on points that are what they are said to be, with the distortion estimated."""
+    options = replace(POINTS, **({"estimate_distortion": True} | changed))
+    return solve_segments(segments, image_size, options, edges_xyxy=edges_xyxy)
 
 
 def half_diagonal(camera: Camera) -> float:

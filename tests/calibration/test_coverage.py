@@ -68,7 +68,12 @@ def test_ground_errors_grow_with_distance_as_predicted():
     for seed in range(25):
         scene = draw_scene(seed, 100)
         people = scene.people
-        found = solve_camera(people.foot_uv, people.head_uv, image_size=scene.camera.image_size)
+        found = solve_camera(
+            people.foot_uv,
+            people.head_uv,
+            image_size=scene.camera.image_size,
+            track=np.arange(100),
+        )
         sigma = found.ground_sigma_m(people.foot_uv, from_camera=True)
         xy, seen = found.camera.locate(people.foot_uv, 0.04)
         miss = np.hypot(*(xy - people.xy_m).T)

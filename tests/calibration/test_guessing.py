@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import scene4d
-from readings import belief_of, reading_of, seen_with
-from scene4d.calibration.options import Options
-from scene4d.calibration.solving import NETWORK_WIDENING, NO_PICTURES, as_guess, camera_of
+from readings import belief_of, reading_of
+from scene4d.calibration import CalibrateOptions
+from scene4d.calibration.calibrating import NO_PICTURES
+from scene4d.calibration.guess import NETWORK_WIDENING, as_guess, solve_guided
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
@@ -38,7 +39,7 @@ def at_one_distance(n: int = 6) -> Segments:
 
 def solve(segments: Segments, *beliefs: Belief, **options: object) -> Calibration:
     reading = reading_of(*beliefs, image_size=SIZE) if beliefs else None
-    return camera_of(segments, seen_with(reading, SIZE), None, Options(**options), None)
+    return solve_guided(segments, SIZE, CalibrateOptions(**options), reading)
 
 
 def network_words(found: Calibration) -> list[str]:
@@ -93,7 +94,7 @@ def test_a_network_that_knows_nothing_changes_nothing(crowd):
 @pytest.fixture
 def not_widened(monkeypatch):
     """As if the network were as good on a user's camera as on its own pictures."""
-    monkeypatch.setattr("scene4d.calibration.solving.NETWORK_WIDENING", 1.0)
+    monkeypatch.setattr("scene4d.calibration.guess.NETWORK_WIDENING", 1.0)
 
 
 @pytest.mark.usefixtures("not_widened")
@@ -154,9 +155,10 @@ def boxes(tmp_path):
 
 
 def test_without_pictures_the_people_are_alone_and_that_is_said(boxes):
-    found = scene4d.calibrate(None, annotations=boxes, image_size=SIZE)
+    found = scene4d.calibrate(None, CalibrateOptions(annotations=boxes, image_size=SIZE))
     assert NO_PICTURES in found.warnings
-    people = scene4d.calibrate(None, annotations=boxes, image_size=SIZE, orientation="people")
+    options = CalibrateOptions(annotations=boxes, image_size=SIZE, orientation="people")
+    people = scene4d.calibrate(None, options)
     assert NO_PICTURES not in people.warnings
 
 
@@ -165,9 +167,9 @@ def test_without_pictures_the_people_are_alone_and_that_is_said(boxes):
 )
 def test_without_pictures_the_network_cannot_be_asked(boxes, asked):
     with pytest.raises(InputError, match="needs pictures"):
-        scene4d.calibrate(None, annotations=boxes, image_size=SIZE, **asked)
+        scene4d.calibrate(None, CalibrateOptions(annotations=boxes, image_size=SIZE, **asked))
 
 
 def test_the_papers_method_needs_somebody_to_say_the_orientation():
     with pytest.raises(InputError, match="needs the camera's orientation"):
-        Options(method="paper", orientation="people")
+        CalibrateOptions(method="paper", orientation="people")

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import draw_scene, half_diagonal
+from scenes import draw_scene, half_diagonal, solve_points
 
 from scene4d.calibration.body import Points
 from scene4d.calibration.lines import Lines, best_azimuths, directions, line_terms
 from scene4d.calibration.prior import Prior
 from scene4d.calibration.refine import Noise, Problem, State, linearise, minimise
-from scene4d.calibration.solve import solve_segments
 from scene4d.core.camera import Camera
 from scene4d.core.people import Segments
 from strategies import build_camera, build_lens, ground_in_view
@@ -167,11 +166,11 @@ def test_a_town_pulls_a_biased_prior_to_the_truth(seed):
 
 def _solved(scene, lines=None):
     people = scene.people
-    return solve_segments(
+    return solve_points(
         Segments.from_points(people.foot_uv, people.head_uv, track=people.track),
         image_size=scene.camera.image_size,
         estimate_distortion=False,
-        lines_xyxy=lines,
+        edges_xyxy=lines,
     )
 
 

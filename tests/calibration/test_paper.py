@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from scenes import FOOT_HEIGHT_M, draw_scene
+from scenes import FOOT_HEIGHT_M, draw_scene, solve_points
 
 from scene4d import solve_camera
-from scene4d.calibration.paper import solve_paper
-from scene4d.calibration.solve import solve_segments
+from scene4d.calibration import CalibrateOptions
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Segments
@@ -18,7 +17,7 @@ def told(camera, *spread: float) -> Orientation:
 
 def solved(scene, orientation=None, **kwargs):
     people = scene.people
-    return solve_segments(
+    return solve_points(
         Segments.from_points(people.foot_uv, people.head_uv, track=people.track),
         image_size=scene.camera.image_size,
         method="paper",
@@ -81,19 +80,8 @@ def test_without_an_orientation_it_is_refused(method):
 
 
 def test_an_unknown_consensus_is_named():
-    scene = draw_scene(1, 20)
-    camera, people = scene.camera, scene.people
     with pytest.raises(InputError, match=r"consensus must be one of .*found 'vote'"):
-        solve_paper(
-            people.foot_uv,
-            people.head_uv,
-            np.array(camera.K),
-            told(camera),
-            person_height_m=1.7,
-            person_sigma_m=0.09,
-            track=people.track,
-            consensus="vote",
-        )
+        CalibrateOptions(consensus="vote")
 
 
 def test_the_spread_counts_a_track_once_and_adds_that_of_the_orientation():
@@ -106,6 +94,7 @@ def test_the_spread_counts_a_track_once_and_adds_that_of_the_orientation():
         image_size=scene.camera.image_size,
         method="paper",
         prior=told(scene.camera),
+        track=np.arange(300),
     )
     assert strangers.camera.height_m == pytest.approx(tracked.camera.height_m)
     persons = len(np.unique(people.track[tracked.inlier]))

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scenes import correspondence_error
+from scenes import correspondence_error, solve_points
 
-from scene4d.calibration import person_segments, solve_segments
+from scene4d.calibration import person_segments
 from scene4d.core.camera import Camera
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Detections
@@ -62,7 +62,7 @@ def test_pets_boxes_with_the_true_lens(shared_data, name, error, height):
     xy = walked(camera, np.column_stack([(x1 + x2) / 2, y2]))
     people = person_segments(boxes(folder / name, size))
     assert people.from_box.all()
-    found = solve_segments(people, image_size=size, lens=camera.lens, systematics=True)
+    found = solve_points(people, image_size=size, lens=camera.lens, systematics=True)
     assert found
     assert error_m(camera, found.camera, xy) < error
     assert found.camera.height_m == pytest.approx(camera.height_m, rel=height)
@@ -70,7 +70,7 @@ def test_pets_boxes_with_the_true_lens(shared_data, name, error, height):
     assert found.camera.roll_rad == pytest.approx(camera.roll_rad, abs=np.radians(2.0))
     # Its own prediction is honest about the ground.
     assert error_m(camera, found.camera, xy) < 2 * found.ground_error_m["median"]
-    alone = solve_segments(people, image_size=size)
+    alone = solve_points(people, image_size=size)
     assert alone.reason.startswith("boxes alone do not determine the focal length")
 
 
@@ -86,7 +86,7 @@ def test_towncentre_by_the_papers_method(shared_data, consensus):
     people = person_segments(boxes(folder / "tracker_boxes.txt", size))
     error = {}
     for height in (1.5748, 1.70, 1.8288):
-        found = solve_segments(
+        found = solve_points(
             people,
             image_size=size,
             method="paper",

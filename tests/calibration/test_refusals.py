@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from scenes import draw_scene, parameters_of
+from scenes import draw_scene, parameters_of, solve_points
 from trials import solve_untyped
 
 from scene4d import solve_camera
-from scene4d.calibration.solve import solve_segments
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
@@ -61,7 +60,7 @@ def test_everybody_in_one_spot(seed):
     reason = refused(*seen(camera, xy, seed))
     assert "all people stand in one spot" in reason
     assert "people in other places of the picture, near and far" in reason
-    assert "or a lens file (--lens)" in reason
+    assert "or a lens file (lens)" in reason
     assert "the focal length is not determined" in reason or "ground positions" in reason
 
 
@@ -107,7 +106,7 @@ def test_those_who_are_refused_are_determined_by_what_is_asked_for(seed):
     xy = np.column_stack([rng.normal(0, 0.1, 40), rng.uniform(30, 80, 40)])
     foot, head = seen(camera, xy, seed)
     assert "lens file" in refused(foot, head)
-    found = solve_segments(Segments.from_points(foot, head), image_size=SIZE, lens=camera.lens)
+    found = solve_points(Segments.from_points(foot, head), image_size=SIZE, lens=camera.lens)
     assert found
     z = (parameters_of(found.camera) - parameters_of(camera))[1:4]
     z /= np.sqrt(np.diag(found.covariance))[1:4]
@@ -144,22 +143,22 @@ def test_people_on_their_heads():
 def test_boxes_alone():
     scene = draw_scene(3, 200, image_size=SIZE)
     boxes = Segments.from_points(scene.people.foot_uv, scene.people.head_uv, from_box=True)
-    found = solve_segments(boxes, image_size=SIZE)
+    found = solve_points(boxes, image_size=SIZE)
     assert not found
     assert found.reason.startswith("boxes alone do not determine the focal length")
-    for remedy in ("a lens file (--lens)", "an orientation (--orientation FILE)", "keypoints"):
+    for remedy in ("a lens file (lens)", "an orientation (orientation)", "keypoints"):
         assert remedy in found.reason
     # Half a focal length is none either; a good one will do, as will a lens.
     focal = scene.camera.focal_px
     vague = Orientation(focal, 0.3, 0.0, 0.5 * focal, np.inf, np.inf)
-    assert "boxes alone" in solve_segments(boxes, image_size=SIZE, orientation=vague).reason
+    assert "boxes alone" in solve_points(boxes, image_size=SIZE, orientation=vague).reason
     good = Orientation(focal, 0.3, 0.0, 0.1 * focal, np.inf, np.inf)
     for known in ({"orientation": good}, {"lens": scene.camera.lens}):
-        found = solve_segments(boxes, image_size=SIZE, **known)
+        found = solve_points(boxes, image_size=SIZE, **known)
         assert found or "boxes alone" not in found.reason
     # One person seen with its lean is no licence, but keypoints beside boxes are read.
     mixed = Segments.from_points(scene.people.foot_uv, scene.people.head_uv)
-    assert solve_segments(mixed, image_size=SIZE)
+    assert solve_points(mixed, image_size=SIZE)
 
 
 def test_the_papers_method_where_nobody_agrees():
@@ -167,23 +166,29 @@ def test_the_papers_method_where_nobody_agrees():
     reason = refused(HEAD, FOOT, method="paper", prior=told)
     assert reason.startswith("only 0 of")
     assert "agree with one camera height at this orientation" in reason
-    assert "--method joint" in reason
+    assert 'method "joint"' in reason
+
+
+def solved(scene):
+    """Everybody is somebody else."""
+    people = scene.people
+    track = np.arange(len(people.foot_uv))
+    return solve_camera(people.foot_uv, people.head_uv, image_size=SIZE, track=track)
 
 
 def test_warnings_say_what_the_camera_rests_on():
     few = draw_scene(1, 6, image_size=SIZE)
-    found = solve_camera(few.people.foot_uv, few.people.head_uv, image_size=SIZE)
+    found = solved(few)
     assert found
     assert any("rests on 6 different people" in text for text in found.warnings)
     crowd = draw_scene(1, 300, image_size=SIZE)
-    found = solve_camera(crowd.people.foot_uv, crowd.people.head_uv, image_size=SIZE)
-    assert found.warnings == ()
+    assert solved(crowd).warnings == ()
     strays = draw_scene(1, 300, image_size=SIZE, outliers=0.55)
-    found = solve_camera(strays.people.foot_uv, strays.people.head_uv, image_size=SIZE)
+    found = solved(strays)
     if found and found.inliers < 0.6 * 300:
         assert any("agree with the camera" in text for text in found.warnings)
     long = draw_scene(1, 12, fov_deg=18.0, tilt_deg=10.0, image_size=SIZE)
-    found = solve_camera(long.people.foot_uv, long.people.head_uv, image_size=SIZE)
+    found = solved(long)
     if found and found.sigma["focal_px"] > 0.15 * found.camera.focal_px:
         assert any("focal length is known to ±" in text for text in found.warnings)
 

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scenes import draw_scene
+from scenes import draw_scene, solve_points
 
-from scene4d.calibration import person_segments, solve_segments
+from scene4d.calibration import person_segments
 from scene4d.calibration.segments import MIN_KEYPOINT_SCORE, MIN_LENGTH_PX
 from scene4d.core.people import COCO17, HALPE26, Detections
 
@@ -165,7 +165,7 @@ def test_nobody_gives_no_segments():
 def test_skeletons_calibrate_a_camera():
     scene = draw_scene(5, 60)
     people = skeletons(scene.people.foot_uv, scene.people.head_uv, size=scene.camera.image_size)
-    found = solve_segments(
+    found = solve_points(
         person_segments(people), image_size=scene.camera.image_size, estimate_distortion=False
     )
     assert found

@@ -4,12 +4,19 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from scenes import Scene, correspondence_error, draw_scene, errors_of, parameters_of, sigmas_of
+from scenes import (
+    Scene,
+    correspondence_error,
+    draw_scene,
+    errors_of,
+    parameters_of,
+    sigmas_of,
+    solve_points,
+)
 from trials import trials
 
 import scene4d
 from scene4d import solve_camera
-from scene4d.calibration.solve import solve_segments
 from scene4d.core.camera import Lens
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Segments
@@ -159,7 +166,13 @@ def test_an_exact_orientation_is_held():
     scene = _few(1)
     camera, people = scene.camera, scene.people
     told = Orientation(camera.focal_px, camera.tilt_rad, camera.roll_rad)
-    found = solve_camera(people.foot_uv, people.head_uv, image_size=camera.image_size, prior=told)
+    found = solve_camera(
+        people.foot_uv,
+        people.head_uv,
+        image_size=camera.image_size,
+        prior=told,
+        track=np.arange(len(people.foot_uv)),
+    )
     np.testing.assert_allclose(parameters_of(found.camera)[:3], scene.truth[:3], atol=1e-9)
     assert found.covariance[:3, :3] == pytest.approx(np.zeros((3, 3)))
     assert 0 < found.sigma["height_m"] < 0.05 * found.camera.height_m
@@ -219,7 +232,7 @@ def test_a_lens_is_used_with_its_centre_and_aspect(estimate_focal):
     if estimate_focal:  # the same bend of the sensor, with a focal length that is off by a fifth
         K = lens.K * [[0.8, 1, 1], [1, 0.8, 1], [1, 1, 1]]
         lens = Lens(lens.image_size, K, lens.distortion * 0.8 ** np.array([2, 4, 1, 1, 6]))
-    found = solve_segments(
+    found = solve_points(
         _segments(scene), image_size=(1280, 720), lens=lens, estimate_focal=estimate_focal
     )
     camera = found.camera
@@ -246,10 +259,8 @@ def test_the_lens_is_estimated_where_nobody_tells_it():
         camera = build_camera(lens, 22.0, 3.0, 8.0)
         crowd = people_scene(camera, 250, np.random.default_rng(seed), distorted=True)
         scene = Scene(camera, crowd)
-        found = solve_segments(_segments(scene), image_size=(1280, 720))
-        straight = solve_segments(
-            _segments(scene), image_size=(1280, 720), estimate_distortion=False
-        )
+        found = solve_points(_segments(scene), image_size=(1280, 720))
+        straight = solve_points(_segments(scene), image_size=(1280, 720), estimate_distortion=False)
         corners.append(parameters_of(found.camera)[4] - scene.truth[4])
         sigma.append(np.sqrt(found.covariance[4, 4]))
         error.append([np.abs(errors_of(scene, found))[0], np.abs(errors_of(scene, straight))[0]])
@@ -264,14 +275,14 @@ def test_the_lens_is_estimated_where_nobody_tells_it():
 def test_shared_errors_widen_what_is_stated_and_nothing_else():
     segments = _segments(draw_scene(1, 150))
     size = (1920, 1080)
-    plain = solve_segments(segments, image_size=size, estimate_distortion=False)
-    wide = solve_segments(
+    plain = solve_points(segments, image_size=size, estimate_distortion=False)
+    wide = solve_points(
         segments, image_size=size, estimate_distortion=False,
         population_sigma_m=0.05, systematics=True,
     )  # fmt: skip
     np.testing.assert_array_equal(plain.camera.P, wide.camera.P)
     assert (np.diag(wide.covariance)[:4] > np.diag(plain.covariance)[:4]).all()
-    population = solve_segments(
+    population = solve_points(
         segments, image_size=size, estimate_distortion=False, population_sigma_m=0.05
     )
     grown = population.covariance - plain.covariance
@@ -297,7 +308,7 @@ def test_boxes_with_a_known_focal_length():
     thin = Segments.from_points(np.array(foot), np.array(head))
     told = Orientation(camera.focal_px, 0.3, 0.0, 0.0, np.inf, np.inf)
     kwargs = {"image_size": (1280, 720), "estimate_distortion": False, "orientation": told}
-    found, misread = solve_segments(boxes, **kwargs), solve_segments(thin, **kwargs)
+    found, misread = solve_points(boxes, **kwargs), solve_points(thin, **kwargs)
     assert found
     error = np.abs(parameters_of(found.camera) - parameters_of(camera))
     assert error[1] < np.radians(1.0)

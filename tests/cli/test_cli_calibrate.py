@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cli_scenes import SIZE
 
-from scene4d.calibration.options import Options
+from scene4d.calibration.options import CalibrateOptions
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.tables import read_table
@@ -125,8 +125,8 @@ def test_every_option_reaches_the_room(run, tmp_path, monkeypatch):
         "--method paper --orientation o.json --estimate-focal --frames 7 --seed 3 --drop-invalid"
     )
     assert run("calibrate", "rtsp://cam/1", *given.split(), *out).exit_code == 1
-    assert seen[0] == ("v.mp4", Options())
-    chosen = Options(
+    assert seen[0] == ("v.mp4", CalibrateOptions())
+    chosen = CalibrateOptions(
         lens=Path("l.json"),
         annotations=Path("a.txt"),
         image_size=(640, 480),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from readings import belief_of, reading_of
-from scene4d.calibration.options import Seen
+from scene4d.calibration.watching import Seen
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Detections, Segments
 from scene4d.core.progress import Silent
@@ -36,7 +36,7 @@ def footage(monkeypatch) -> Input:
         monkeypatch.setattr(
             f"scene4d.evaluation.trials.{place}.person_segments", lambda _: segments
         )
-    monkeypatch.setattr("scene4d.calibration.person_segments", lambda _: segments)
+    monkeypatch.setattr("scene4d.calibration.watching.person_segments", lambda _: segments)
     nobody = Detections.from_boxes(SIZE, np.empty(0, np.int64), np.empty((0, 4)))
     reading = reading_of(*[belief_of(CAMERA)] * (FRAMES - 1), image_size=SIZE)
     return Input("video", Seen(nobody, FRAMES, reading=reading))
@@ -122,7 +122,7 @@ def test_with_edges_the_same_people_are_tried_without_them_too(footage, referenc
     monkeypatch.setattr(few, "DRAWS", 2)
     monkeypatch.setattr(few, "PEOPLE", (5,))
     edges = np.random.default_rng(0).uniform(0, 700, (30, 4))
-    seen = replace(footage.seen, edges=edges)
+    seen = replace(footage.seen, edges_xyxy=edges)
     rows = list(few.few_people(replace(footage, seen=seen), reference, [], lambda _: None))
     plain = list(few.few_people(footage, reference, [], lambda _: None))
     assert [row.footage for row in rows] == ["video", "video, no edges"]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import scene4d
+from scene4d.calibration import CalibrateOptions
 from scene4d.core.calibration import Calibration
 from scene4d.core.orientation import Orientation
 from scene4d.evaluation import Reference, pets, towncentre
@@ -51,7 +52,7 @@ def assert_good(
 
 @pytest.mark.weights
 def test_pets_video_with_nothing_given(park: Reference, shared_data: Path):
-    found = scene4d.calibrate(shared_data / "pets2009" / "vtest.avi", frames=60)
+    found = scene4d.calibrate(shared_data / "pets2009" / "vtest.avi", CalibrateOptions(frames=60))
     assert_good(found, park, 1.0)
     assert found.frames == 60
     assert found.people > 200
@@ -77,12 +78,14 @@ def test_the_papers_method_on_tracker_boxes(street: Reference, shared_data: Path
     camera = street.camera
     found = scene4d.calibrate(
         None,
-        annotations=data / "tracker_boxes.txt",
-        image_size=camera.image_size,
-        lens=data / "TownCentre-calibration.ci",
-        orientation=Orientation(camera.focal_px, camera.tilt_rad, camera.roll_rad),
-        method="paper",
-        drop_invalid=True,
+        CalibrateOptions(
+            annotations=data / "tracker_boxes.txt",
+            image_size=camera.image_size,
+            lens=data / "TownCentre-calibration.ci",
+            orientation=Orientation(camera.focal_px, camera.tilt_rad, camera.roll_rad),
+            method="paper",
+            drop_invalid=True,
+        ),
     )
     assert found.camera is not None
     assert street.score(found.camera).mean_m <= 0.3
@@ -94,12 +97,12 @@ def test_boxes_with_a_lens(park: Reference, shared_data: Path, name: str, error_
     data = shared_data / "pets2009"
     size = park.camera.image_size
     found = scene4d.calibrate(
-        None, annotations=data / name, image_size=size, lens=data / "View_001.xml"
+        None, CalibrateOptions(annotations=data / name, image_size=size, lens=data / "View_001.xml")
     )
     assert found.camera is not None
     assert park.score(found.camera).mean_m <= error_m
     # Without a focal length boxes say nothing, and the program must not pretend.
-    alone = scene4d.calibrate(None, annotations=data / name, image_size=size)
+    alone = scene4d.calibrate(None, CalibrateOptions(annotations=data / name, image_size=size))
     assert not alone
     assert alone.reason is not None
     assert "boxes alone do not determine the focal length" in alone.reason

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from scene4d.calibration import person_segments, solve_segments
+from scene4d.calibration import CalibrateOptions, person_segments, solve_segments
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
@@ -153,13 +153,10 @@ def test_the_papers_method_on_the_boxes(release):
     true = Orientation(CAMERA.focal_px, CAMERA.tilt_rad, CAMERA.roll_rad)
 
     def error_m(orientation, person_height_m):
-        found = solve_segments(
-            segments,
-            image_size=SIZE,
-            person_height_m=person_height_m,
-            orientation=orientation,
-            method="paper",
+        options = CalibrateOptions(
+            person_height_m=person_height_m, orientation=orientation, method="paper"
         )
+        found = solve_segments(segments, SIZE, options)
         return scene.reference.score(found.camera).mean_m, found
 
     good, found = error_m(true, 1.70)

@@ -1,95 +1,75 @@
 """``calibrate``: the stages of a calibration, one after the other."""
 
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from scene4d.calibration.options import Options, Run, Seen
-from scene4d.calibration.orienting import OrientationReader
-from scene4d.calibration.solving import (
-    check_pictures,
-    solved,
-    told_lens,
-    told_orientation,
-    without_pictures,
-)
-from scene4d.calibration.watching import annotated, drop_stationary, watch
+from scene4d.calibration.options import CalibrateOptions
+from scene4d.calibration.orienting import OrientationReader, OrientationReading
+from scene4d.calibration.watching import Seen, annotated, drop_stationary, solved, watch
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
-from scene4d.core.orientation import Orientation
-from scene4d.core.people import PERSON_HEIGHT_M, Detections
+from scene4d.core.people import Detections
 from scene4d.core.progress import Progress, Silent, timed
+
+_DEFAULT = CalibrateOptions()
+NO_PICTURES = (
+    "There are no pictures to show to the orientation network, so the camera rests on the people "
+    "alone."
+)
 
 
 def calibrate(
     source: str | Path | None,
+    options: CalibrateOptions = _DEFAULT,
     *,
-    lens: str | Path | None = None,
-    annotations: str | Path | None = None,
-    image_size: tuple[int, int] | None = None,
-    person_height_m: float = PERSON_HEIGHT_M,
-    method: str = "joint",
-    orientation: str | Path | Orientation = "auto",
-    estimate_focal: bool = False,
-    frames: int | None = None,
-    seed: int = 0,
-    drop_invalid: bool = False,
-    lines: bool = True,
     progress: Progress | None = None,
 ) -> Calibration:
     """Calibrate a fixed camera from footage of people walking; the result is false with a reason
     where the camera is undetermined.
 
-    ``source`` is a video, an image, a folder of images, a glob or a stream URL; None with
-    ``annotations`` and ``image_size``. ``lens`` is a camera file whose intrinsics and distortion
-    are taken (with ``estimate_focal``, the distortion alone). ``orientation`` is ``"auto"`` (the
-    orientation network's reading is a guess that the people may overrule), ``"people"`` (without
-    it), ``"network"`` (it is believed), a JSON file or an :class:`Orientation`; the paper's method
-    takes the network's alone for the first and the third. ``lines=False`` leaves the straight edges
-    of the scene out. Raises :class:`InputError` for bad input (a camera that
-    moves is one) and :class:`UnavailableError` where weights cannot be had.
+    ``source`` is a video, an image, a folder of images, a glob or a stream URL; None with the
+    options ``annotations`` and ``image_size``. Raises :class:`InputError` for bad input (a camera
+    that moves is one) and :class:`UnavailableError` where weights cannot be had.
     """
-    options = Options(
-        lens, annotations, image_size, person_height_m, method, orientation, estimate_focal,
-        frames, seed, drop_invalid, lines,
-    )  # fmt: skip
     return run(source, options, progress or Silent()).calibration
 
 
-def run(source: str | Path | None, options: Options, progress: Progress) -> Run:
-    """All stages of a calibration, with everything that the report needs."""
-    timings: dict[str, float] = {}
-    orientation = told_orientation(options)
-    if source is None:
-        if options.annotations is None:
-            raise InputError("nothing to calibrate from: give a SOURCE, or --annotations FILE")
-        if options.image_size is None:
-            raise InputError("annotations without a SOURCE need --image-size WxH")
-        check_pictures(options)
-        lens = told_lens(options, options.image_size)
-        with timed(timings, "read annotations"):
-            seen = annotated(options, options.image_size, None)
-        without_pictures(seen, options)
-        name = str(options.annotations)
-    else:
-        from scene4d.video.reader import open_source
+@dataclass
+class Run:
+    """A calibration with what its report shows: the scene, a frame with people, times by stage,
+    and what the orientation network read, where it was asked.
+    """
 
-        with open_source(source) as footage:
-            if options.image_size not in (None, footage.image_size):
-                w, h = footage.image_size
-                raise InputError(f"--image-size does not agree with {footage.name}: {w}x{h}")
-            lens = told_lens(options, footage.image_size)
-            seen = watch(footage, lens, options, progress, timings)
-            seen.notes.extend(footage.warnings)
-            name = footage.name
-    with timed(timings, "solve"), progress.stage("Solving for the camera", None):
-        calibration = solved(seen, lens, options, orientation)
-    return Run(calibration, name, seen.image_bgr, seen.people_bgr, seen.reading, timings)
+    calibration: Calibration
+    source_name: str
+    image_bgr: np.ndarray | None = None
+    people_bgr: np.ndarray | None = None
+    reading: OrientationReading | None = None
+    timings: dict[str, float] = field(default_factory=dict)
+
+
+def run(source: str | Path | None, options: CalibrateOptions, progress: Progress) -> Run:
+    """All stages of a calibration, with everything that the report needs."""
+    if source is None:
+        return _run_annotations(options, progress)
+    from scene4d.video.reader import open_source
+
+    timings: dict[str, float] = {}
+    with open_source(source) as footage:
+        if options.image_size not in (None, footage.image_size):
+            w, h = footage.image_size
+            raise InputError(f"image_size does not agree with {footage.name}: {w}x{h}")
+        options = options.read(footage.image_size)
+        seen = watch(footage, options, progress, timings)
+        seen.notes.extend(footage.warnings)
+        return _finished(seen, options, footage.name, progress, timings)
 
 
 def run_detections(
     detections: Detections,
-    options: Options,
+    options: CalibrateOptions,
     progress: Progress,
     source_name: str,
     *,
@@ -101,20 +81,54 @@ def run_detections(
     ``image_bgr`` is a picture of the scene for the report and for the orientation network.
     """
     timings: dict[str, float] = {}
-    orientation, lens = told_orientation(options), told_lens(options, detections.image_size)
+    options = options.read(detections.image_size)
     seen = Seen(detections, len(np.unique(detections.frame)), image_bgr=image_bgr)
     seen.notes.extend(notes)
     drop_stationary(seen)
     if image_bgr is None:
-        check_pictures(options)
-        without_pictures(seen, options)
+        _without_pictures(seen, options)
     elif options.uses_network:
         with timed(timings, "orientation"):
-            reader = OrientationReader(
-                detections.image_size, lens, focal_known=not options.estimate_focal
-            )
+            known = not options.estimate_focal
+            reader = OrientationReader(detections.image_size, options.known_lens, focal_known=known)
             reader.look(0, image_bgr)
             seen.reading = reader.reading()
+    return _finished(seen, options, source_name, progress, timings)
+
+
+def _run_annotations(options: CalibrateOptions, progress: Progress) -> Run:
+    if options.annotations is None:
+        raise InputError("nothing to calibrate from: give a source or annotations")
+    if options.image_size is None:
+        raise InputError("annotations without a source need image_size")
+    size = options.image_size
+    options = options.read(size)
+    timings: dict[str, float] = {}
+    with timed(timings, "read annotations"):
+        seen = annotated(options, size, None)
+    _without_pictures(seen, options)
+    return _finished(seen, options, str(options.annotations), progress, timings)
+
+
+def _without_pictures(seen: Seen, options: CalibrateOptions) -> None:
+    """Note that the network could not be asked; raises :class:`InputError` where it is needed."""
+    if options.needs_network:
+        why = "the paper's method" if options.method == "paper" else 'orientation "network"'
+        raise InputError(
+            f"{why} needs pictures for the orientation network to look at, and there are "
+            "annotations alone: give a source as well, or an orientation file"
+        )
+    if options.uses_network:
+        seen.notes.append(NO_PICTURES)
+
+
+def _finished(
+    seen: Seen,
+    options: CalibrateOptions,
+    source_name: str,
+    progress: Progress,
+    timings: dict[str, float],
+) -> Run:
     with timed(timings, "solve"), progress.stage("Solving for the camera", None):
-        calibration = solved(seen, lens, options, orientation)
-    return Run(calibration, source_name, image_bgr, reading=seen.reading, timings=timings)
+        found = solved(seen, options)
+    return Run(found, source_name, seen.image_bgr, seen.people_bgr, seen.reading, timings)

@@ -54,7 +54,8 @@ def inlier_intervals(
     with np.errstate(divide="ignore", invalid="ignore"):
         per_kappa = 1 / (person_height_m * down)
         low, high = (-qb - root) / qa * per_kappa, (-qb + root) / qa * per_kappa
-    # Only cameras above the person's head, and only heads in front of the camera, are meant.
+    # The camera is above the ground (it may be below the person's head, which is then seen above
+    # the horizon), and the head is in front of the camera.
     low = np.maximum(low, 0.0)
     if up[2] < 0:
         high = np.minimum(high, -1 / up[2] * per_kappa)

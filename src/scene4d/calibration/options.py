@@ -1,26 +1,50 @@
-"""What a user may say about a calibration, and what comes of it."""
+"""What a user may say about a calibration: one object from the command line to the solver."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import numpy as np
-
-from scene4d.calibration import check_asked
-from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Lens
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
-from scene4d.core.people import PERSON_HEIGHT_M, Detections
+from scene4d.core.people import PERSON_HEIGHT_M
 
-if TYPE_CHECKING:
-    from scene4d.calibration.orienting import OrientationReading
+METHODS = ("joint", "paper")
+CONSENSUS = ("exact", "ransac")
+FOOT_HEIGHT_M = 0.04
+"""Height of the feet keypoints (heel and toes) above the ground (METHOD section 3)."""
+_POPULATION_SIGMA_M = 0.03
+"""How well the mean height of the people in front of a camera is known. Chosen: national means of
+adults of both sexes differ by about this much (METHOD section 4)."""
+_WORDS = ("auto", "people", "network")
 
 
 @dataclass(frozen=True)
-class Options:
-    """What a user may say about a calibration; the names are those of the command line."""
+class CalibrateOptions:
+    """How to calibrate, and what is known beforehand.
 
-    lens: str | Path | None = None
+    Footage: ``frames`` to look at (default: one a second, 100 to 200), ``annotations`` (a file of
+    boxes or keypoints) instead of the detector, with ``drop_invalid`` instead of refusing a file
+    with impossible boxes, and ``image_size`` where there is no footage.
+
+    Known beforehand: ``person_height_m`` is the mean height of the people, shoes included, and
+    ``population_sigma_m`` how well it is known. ``lens`` (a camera file, or a :class:`Lens`) fixes
+    intrinsics and distortion; with ``estimate_focal`` the distortion alone. ``orientation`` is
+    ``"auto"`` (the orientation network guesses, and the people may overrule it), ``"people"``
+    (without the network), ``"network"`` (the network is believed), a JSON file or an
+    :class:`Orientation`. The paper's method takes the network's reading for ``"auto"``, too.
+
+    Solver: ``method`` ``"joint"`` estimates everything together; ``"paper"`` takes focal length,
+    tilt and roll from the orientation and solves for the height alone (Wagner et al. 2019), by the
+    ``consensus`` ``"exact"`` or, as published, ``"ransac"``. ``lines`` uses the straight edges of
+    the scene, ``estimate_distortion`` finds a radial coefficient where no lens is given.
+    ``foot_height_m`` is the height of the foot points (of boxes: 0) above the ground.
+    ``systematics`` adds the errors that all people of real footage share and counts the places of
+    one track as correlated. ``seed`` is that of all sampling.
+
+    Raises :class:`InputError` for values that make no sense, naming the field.
+    """
+
+    lens: str | Path | Lens | None = None
     annotations: str | Path | None = None
     image_size: tuple[int, int] | None = None
     person_height_m: float = PERSON_HEIGHT_M
@@ -31,46 +55,79 @@ class Options:
     seed: int = 0
     drop_invalid: bool = False
     lines: bool = True
+    consensus: str = "exact"
+    foot_height_m: float = FOOT_HEIGHT_M
+    population_sigma_m: float = _POPULATION_SIGMA_M
+    estimate_distortion: bool = True
+    systematics: bool = True
 
     def __post_init__(self) -> None:
-        """Refuse before any work is done what cannot work; raises :class:`InputError`."""
-        check_asked(self.method, self.person_height_m, has_orientation=self.orientation != "people")
+        for name, allowed in (("method", METHODS), ("consensus", CONSENSUS)):
+            if getattr(self, name) not in allowed:
+                raise InputError(f"{name} must be one of {allowed}, found {getattr(self, name)!r}")
+        height_m = self.person_height_m
+        if not 0.5 <= height_m <= 2.5:
+            raise InputError(f"person_height_m must lie in 0.5 to 2.5 metres, found {height_m}")
+        if not 0 <= self.population_sigma_m < height_m:
+            raise InputError(
+                f"population_sigma_m must be 0 or more, found {self.population_sigma_m}"
+            )
+        if not 0 <= self.foot_height_m < height_m / 2:
+            raise InputError(
+                f"foot_height_m must lie in 0 to half a person, found {self.foot_height_m}"
+            )
+        if self.method == "paper" and self.orientation == "people":
+            raise InputError(
+                "the paper's method needs the camera's orientation (focal length, tilt, roll): "
+                'pass orientation="network" or an orientation file, or use method "joint"'
+            )
         if self.frames is not None and self.frames < 1:
             raise InputError(f"frames must be at least 1, found {self.frames}")
+        if self.image_size is not None and min(self.image_size) < 1:
+            raise InputError(f"image_size must be positive, found {self.image_size}")
 
     @property
     def uses_network(self) -> bool:
-        """Whether pictures are shown to the orientation network."""
+        """Whether the orientation network looks at the pictures."""
         return self.orientation in ("auto", "network")
 
     @property
     def needs_network(self) -> bool:
-        """Whether nothing can be done without it: the paper's method is told the orientation."""
+        """Whether there is no answer without it: the paper's method is given the orientation."""
         return self.orientation == "network" or (self.uses_network and self.method == "paper")
 
+    @property
+    def known_lens(self) -> Lens | None:
+        """The lens, once its file has been read (:meth:`read`)."""
+        assert not isinstance(self.lens, str | Path)
+        return self.lens
 
-@dataclass
-class Run:
-    """A calibration with what its report shows: the scene, a frame with people, times by stage,
-    and what the orientation network read, where it was asked.
-    """
+    @property
+    def known_orientation(self) -> Orientation | None:
+        """The orientation that the user states, once its file has been read (:meth:`read`)."""
+        return self.orientation if isinstance(self.orientation, Orientation) else None
 
-    calibration: Calibration
-    source_name: str
-    image_bgr: np.ndarray | None = None
-    people_bgr: np.ndarray | None = None
-    reading: "OrientationReading | None" = None
-    timings: dict[str, float] = field(default_factory=dict)
+    @property
+    def fixed_focal_px(self) -> float | None:
+        """The focal length of the lens where it is believed; it outranks an orientation's."""
+        lens = self.known_lens
+        return None if lens is None or self.estimate_focal else float(lens.K[0, 0])
+
+    def read(self, image_size: tuple[int, int]) -> "CalibrateOptions":
+        """The same with ``lens`` and ``orientation`` read from their files, for such images."""
+        lens, orientation = self.lens, self.orientation
+        if isinstance(lens, Lens):
+            lens = lens.scaled_to(image_size)
+        elif lens is not None:
+            from scene4d.formats.cameras import read_lens
+
+            lens = read_lens(lens, image_size=image_size)
+        if not isinstance(orientation, Orientation) and orientation not in _WORDS:
+            orientation = Orientation.load(orientation)
+        return replace(self, lens=lens, orientation=orientation)
 
 
-@dataclass
-class Seen:
-    """What the footage showed; ``reading`` is None where the orientation network did not look."""
-
-    detections: Detections
-    frames: int
-    edges: np.ndarray | None = None
-    image_bgr: np.ndarray | None = None
-    people_bgr: np.ndarray | None = None
-    reading: "OrientationReading | None" = None
-    notes: list[str] = field(default_factory=list)
+POINTS = CalibrateOptions(
+    orientation="people", population_sigma_m=0.0, estimate_distortion=False, systematics=False
+)
+"""For bare points: they are what they are said to be, and uncertainties are conditional on it."""

@@ -3,11 +3,11 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from scene4d.calibration import verdict
 from scene4d.calibration.body import HEIGHT
-from scene4d.calibration.case import Case, ground_error
+from scene4d.calibration.case import Case, different_people, ground_errors
 from scene4d.calibration.consensus import (
     TOLERANCE_PX,
     exact_consensus,
@@ -21,11 +21,11 @@ from scene4d.core.errors import InputError
 from scene4d.core.geometry import locate, project, rotation_from_tilt_roll
 from scene4d.core.orientation import Orientation
 
-CONSENSUS = ("exact", "ransac")
 _BOX_SIGMA = 0.04
 """Relative bias of the lengths of boxes, which the paper takes for people: they change by 3 to 5 %
 with the viewing angle (METHOD section 2)."""
 _STEP = 1e-4
+"""Of log f, tilt and roll (radians) in difference quotients."""
 
 
 def paper_calibration(case: Case) -> Calibration:
@@ -34,163 +34,136 @@ def paper_calibration(case: Case) -> Calibration:
     The covariance holds the spread of the orientation, what it does to the height, and the spread
     of the people.
     """
-    asked, frame, usable = case.asked, case.frame, case.usable
-    orientation = asked.orientation
-    assert orientation is not None  # check_asked
+    asked, frame = case.asked, case.frame
+    given = asked.known_orientation
+    assert given is not None  # solve_segments
     if asked.fixed_focal_px is not None:
-        orientation = replace(orientation, focal_px=asked.fixed_focal_px, focal_sigma_px=0.0)
-    told = _told_sigmas(orientation)
-    log_f = np.log(orientation.focal_px / frame.half_diagonal_px)
-    parameters = np.array([log_f, orientation.tilt_rad, orientation.roll_rad, 0.0, 0.0])
-    foot, head = case.segments.foot_uv[usable], case.segments.head_uv[usable]
-    if frame.lens is not None:
-        foot, head = frame.lens.undistort(foot)[0], frame.lens.undistort(head)[0]
-    solution = solve_paper(
-        foot,
-        head,
-        frame.camera(parameters).K,
-        orientation,
-        person_height_m=asked.person_height_m,
-        person_sigma_m=HEIGHT_SIGMA_M,
-        track=case.segments.track[usable],
-        consensus=asked.consensus,
-        seed=asked.seed,
-    )
-    agreeing = 0 if solution is None else int(solution.inlier.sum())
-    if solution is None or agreeing < verdict.MIN_PEOPLE:
+        given = replace(given, focal_px=asked.fixed_focal_px, focal_sigma_px=0.0)
+    given_sigma = _given_sigmas(given)
+    log_f = np.log(given.focal_px / frame.half_diagonal_px)
+    parameters = np.array([log_f, given.tilt_rad, given.roll_rad, 0.0, 0.0])
+    people = _People.of(case, frame.camera(parameters).K)
+    inlier = people.consensus(given, asked.consensus, asked.seed)
+    if inlier.sum() < verdict.MIN_PEOPLE:
         return case.undetermined(
-            f"only {agreeing} of {int(usable.sum())} people agree with one camera height at this "
-            "orientation; needed: an orientation that fits the footage, or --method joint"
+            f"only {inlier.sum()} of {len(inlier)} people agree with one camera height at this "
+            'orientation; needed: an orientation that fits the footage, or method "joint"'
         )
-    parameters[HEIGHT] = np.log(solution.height_m)
+    agreeing = people.select(inlier)
+    height_m = agreeing.height_m(given)
+    parameters[HEIGHT] = np.log(height_m)
+    by_given = np.eye(5)[:, :3]
+    by_given[HEIGHT] = agreeing.sensitivity(given)
+    covariance = by_given @ np.diag(given_sigma**2) @ by_given.T
+    covariance[HEIGHT, HEIGHT] += _people_variance(case, agreeing.own_height_m(given), inlier)
     camera = frame.camera(parameters)
-    by_told = np.eye(5)[:, :3]
-    by_told[HEIGHT] = solution.sensitivity
-    covariance = by_told @ np.diag(told**2) @ by_told.T
-    covariance[HEIGHT, HEIGHT] += solution.relative_sigma**2
-    covariance[HEIGHT, HEIGHT] += (asked.population_sigma_m / asked.person_height_m) ** 2
-    if asked.systematics and case.segments.from_box[usable].any():
-        covariance[HEIGHT, HEIGHT] += _BOX_SIGMA**2
-    values = {
-        "camera": camera,
-        "covariance": covariance,
-        "inlier": case.over_all(solution.inlier, False),
-        "residual": case.over_all(_head_error(camera.P, foot, head, asked.person_height_m), np.nan),
-    }
-    said = []
-    if solution.inlier.mean() < 0.5:
-        said.append(
-            f"Only {solution.inlier.mean():.0%} of the {len(foot)} sightings have their heads "
-            f"within {TOLERANCE_PX:g} pixels of where this camera expects them."
-        )
-    return case.found(
-        **values,
-        ground_error_m=ground_error(case.found(**values))[0],
-        warnings=tuple(said),
+    found = case.found(
+        camera=camera,
+        covariance=covariance,
+        inlier=case.over_all(inlier, False),
+        residual=case.over_all(people.head_error(camera.P), np.nan),
+        warnings=_few_inliers(inlier),
+    )
+    errors = ground_errors(found)
+    return replace(found, ground_error_m=errors.within)
+
+
+def _few_inliers(inlier: np.ndarray) -> tuple[str, ...]:
+    if inlier.mean() >= 0.5:
+        return ()
+    return (
+        f"Only {inlier.mean():.0%} of the {len(inlier)} sightings have their heads within "
+        f"{TOLERANCE_PX:g} pixels of where this camera expects them.",
     )
 
 
-def _told_sigmas(orientation: Orientation) -> np.ndarray:
+def _given_sigmas(given: Orientation) -> np.ndarray:
     """Spread of log f, tilt and roll (3,); raises where one of them is said to be unknown."""
     spread = {
-        "focal_px": orientation.focal_sigma_px / orientation.focal_px,
-        "tilt_deg": orientation.tilt_sigma_rad,
-        "roll_deg": orientation.roll_sigma_rad,
+        "focal_px": given.focal_sigma_px / given.focal_px,
+        "tilt_deg": given.tilt_sigma_rad,
+        "roll_deg": given.roll_sigma_rad,
     }
     for name, sigma in spread.items():
         if not np.isfinite(sigma):
             raise InputError(
                 f"orientation: {name} is unknown (infinite sigma), and the paper's method "
-                "estimates the height alone: give a finite sigma, or use --method joint"
+                'estimates the height alone: give a finite sigma, or use method "joint"'
             )
     return np.array(list(spread.values()))
 
 
-def _head_error(
-    P: np.ndarray, foot: np.ndarray, head: np.ndarray, person_height_m: float
-) -> np.ndarray:
-    """Distance between seen and predicted head over the length of the person."""
-    xy, _ = locate(P, foot)
-    uv, _ = project(P, np.column_stack([xy, np.full(len(xy), person_height_m)]))
-    return np.hypot(*(uv - head).T) / np.maximum(np.hypot(*(foot - head).T), 1e-9)
+def _people_variance(case: Case, own_height_m: np.ndarray, inlier: np.ndarray) -> float:
+    """Relative variance of the height by the people: of the mean of their own answers (n,), each
+    different person counted once, of the population's mean, and of boxes as bodies.
+    """
+    asked, segments = case.asked, case.segments.select(case.usable)
+    spread = 1.4826 * float(np.median(np.abs(own_height_m / np.median(own_height_m) - 1)))
+    tallness = HEIGHT_SIGMA_M / asked.person_height_m
+    variance = (spread**2 + tallness**2) / different_people(segments.select(inlier))
+    variance += (asked.population_sigma_m / asked.person_height_m) ** 2
+    if asked.systematics and segments.from_box.any():
+        variance += _BOX_SIGMA**2
+    return float(variance)
 
 
 @dataclass(frozen=True, eq=False)
-class PaperSolution:
-    """Camera height (m), its relative spread by the people, and who agrees.
+class _People:
+    """Undistorted feet at Z = 0 and heads at ``person_height_m``, before a camera with ``K``."""
 
-    ``sensitivity`` (3,) is the change of log height by log f, tilt and roll.
-    """
+    foot_uv: Float[np.ndarray, "n 2"]
+    head_uv: Float[np.ndarray, "n 2"]
+    K: Float[np.ndarray, "3 3"]
+    person_height_m: float
 
-    height_m: float
-    relative_sigma: float
-    sensitivity: Float[np.ndarray, "3"]
-    inlier: Bool[np.ndarray, "n"]
+    @classmethod
+    def of(cls, case: Case, K: np.ndarray) -> "_People":
+        ends = [uv[case.usable] for uv in (case.segments.foot_uv, case.segments.head_uv)]
+        lens = case.frame.lens
+        foot, head = ends if lens is None else [lens.undistort(uv)[0] for uv in ends]
+        return cls(foot, head, K, case.asked.person_height_m)
 
+    def select(self, rows: np.ndarray) -> "_People":
+        return replace(self, foot_uv=self.foot_uv[rows], head_uv=self.head_uv[rows])
 
-def solve_paper(
-    foot_uv: Float[np.ndarray, "n 2"],
-    head_uv: Float[np.ndarray, "n 2"],
-    K: Float[np.ndarray, "3 3"],
-    orientation: Orientation,
-    *,
-    person_height_m: float,
-    person_sigma_m: float,
-    track: Int[np.ndarray, "n"],
-    tolerance_px: float = TOLERANCE_PX,
-    consensus: str = "exact",
-    seed: int = 0,
-) -> PaperSolution | None:
-    """Height by consensus at ``tolerance_px`` and least squares over the inliers.
+    def consensus(self, given: Orientation, how: str, seed: int) -> Bool[np.ndarray, "n"]:
+        """The largest set that agrees on one height, exactly or by RANSAC."""
+        R = rotation_from_tilt_roll(given.tilt_rad, given.roll_rad)
+        args = self.K, R, self.foot_uv, self.head_uv, self.person_height_m
+        intervals = inlier_intervals(*args)
+        if how == "exact":
+            return exact_consensus(intervals)
+        own = 1 / self.own_height_m(given)
+        return ransac_consensus(intervals, own, rng=np.random.default_rng(seed))
 
-    Points are undistorted pixels, feet at Z = 0 and heads at ``person_height_m``. The spread
-    counts a track once. None where nobody agrees with any height; raises :class:`InputError` for
-    an unknown ``consensus``.
-    """
-    if consensus not in CONSENSUS:
-        raise InputError(f"consensus must be one of {CONSENSUS}, found {consensus!r}")
-    R = rotation_from_tilt_roll(orientation.tilt_rad, orientation.roll_rad)
-    intervals = inlier_intervals(K, R, foot_uv, head_uv, person_height_m, tolerance_px)
-    system = height_system(K, R, foot_uv, head_uv, person_height_m)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        own = system.information / system.moment
-    if consensus == "exact":
-        inlier = exact_consensus(intervals)
-    else:
-        inlier = ransac_consensus(intervals, own, rng=np.random.default_rng(seed))
-    if not inlier.any():
-        return None
-    height = system.solve(inlier)
-    return PaperSolution(
-        height_m=height,
-        relative_sigma=_spread_of_people(
-            1 / own[inlier] / height, track[inlier], person_sigma_m / person_height_m
-        ),
-        sensitivity=_sensitivity(foot_uv[inlier], head_uv[inlier], K, orientation, person_height_m),
-        inlier=inlier,
-    )
+    def own_height_m(self, given: Orientation) -> Float[np.ndarray, "n"]:
+        """The camera height that each person alone suggests; NaN or infinite where none."""
+        R = rotation_from_tilt_roll(given.tilt_rad, given.roll_rad)
+        system = height_system(self.K, R, self.foot_uv, self.head_uv, self.person_height_m)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return system.moment / system.information
 
+    def height_m(self, given: Orientation, log_f_step: float = 0.0) -> float:
+        """The camera height by least squares, with the focal length changed by a factor."""
+        K = self.K.copy()
+        K[:2, :2] *= np.exp(log_f_step)
+        R = rotation_from_tilt_roll(given.tilt_rad, given.roll_rad)
+        return height_system(K, R, self.foot_uv, self.head_uv, self.person_height_m).solve()
 
-def _spread_of_people(ratio: np.ndarray, track: np.ndarray, height_sigma: float) -> float:
-    """Of the mean of people's own answers (n,), over the answer: each track counts once."""
-    people = len(np.unique(track[track >= 0])) + int((track < 0).sum())
-    spread = 1.4826 * float(np.median(np.abs(ratio - 1)))
-    return float(np.sqrt((spread**2 + height_sigma**2) / people))
+    def sensitivity(self, given: Orientation) -> Float[np.ndarray, "3"]:
+        """Derivative of log height by log f, tilt and roll, by central differences."""
 
+        def log_height(log_f: float, tilt: float, roll: float) -> float:
+            turned = replace(given, tilt_rad=given.tilt_rad + tilt, roll_rad=given.roll_rad + roll)
+            return float(np.log(self.height_m(turned, log_f)))
 
-def _sensitivity(
-    foot: np.ndarray, head: np.ndarray, K: np.ndarray, told: Orientation, person_height_m: float
-) -> np.ndarray:
-    """Derivative of log height by log f, tilt and roll (3,), by central differences."""
-    result = np.zeros(3)
-    for index in range(3):
-        ends = []
-        for sign in (-1, 1):
-            step = np.zeros(3)
-            step[index] = sign * _STEP
-            moved = K.copy()
-            moved[:2, :2] *= np.exp(step[0])
-            R = rotation_from_tilt_roll(told.tilt_rad + step[1], told.roll_rad + step[2])
-            ends.append(np.log(height_system(moved, R, foot, head, person_height_m).solve()))
-        result[index] = (ends[1] - ends[0]) / (2 * _STEP)
-    return result
+        steps = _STEP * np.eye(3)
+        rise = [log_height(*step) - log_height(*-step) for step in steps]
+        return np.array(rise) / (2 * _STEP)
+
+    def head_error(self, P: Float[np.ndarray, "3 4"]) -> Float[np.ndarray, "n"]:
+        """Distance between seen and predicted head over the length of the person."""
+        xy, _ = locate(P, self.foot_uv)
+        uv, _ = project(P, np.column_stack([xy, np.full(len(xy), self.person_height_m)]))
+        length = np.hypot(*(self.foot_uv - self.head_uv).T)
+        return np.hypot(*(uv - self.head_uv).T) / np.maximum(length, 1e-9)

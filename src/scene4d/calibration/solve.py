@@ -1,21 +1,21 @@
 """``solve_camera``: from the feet and heads of people to the camera that sees them."""
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float, Int
 
 from scene4d.calibration import verdict
-from scene4d.calibration.body import FOCAL, HEIGHT, Points
-from scene4d.calibration.case import Assumptions, Case, check_asked, ground_error
-from scene4d.calibration.contradiction import contradictions
-from scene4d.calibration.frame import ImageFrame
+from scene4d.calibration.body import FOCAL, HEIGHT
+from scene4d.calibration.case import Case, ImageFrame, different_people, ground_errors
 from scene4d.calibration.joint import position_weights, solve
 from scene4d.calibration.lines import Lines
-from scene4d.calibration.paper import CONSENSUS, paper_calibration
+from scene4d.calibration.options import FOOT_HEIGHT_M, POINTS, CalibrateOptions
+from scene4d.calibration.paper import paper_calibration
 from scene4d.calibration.prior import Prior, default_prior
-from scene4d.calibration.refine import Problem, State, linearise, spreads
+from scene4d.calibration.refine import HEIGHT_SIGMA_M, Problem, State, linearise, spreads
 from scene4d.calibration.uncertainty import covariance
 from scene4d.core.calibration import Calibration
-from scene4d.core.camera import Lens
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import PERSON_HEIGHT_M, Segments
@@ -23,6 +23,9 @@ from scene4d.core.people import PERSON_HEIGHT_M, Segments
 TRACK_CORRELATION = 0.12
 """Of one person's errors across the body in different places (gait, posture); PETS has 0.11
 (benchmarks/keypoint_bias.py)."""
+_LENS_AGREEMENT = 0.03
+"""Relative difference of two given focal lengths that is worth a warning. Chosen by hand: three
+times what lens calibrations of one camera differ by."""
 
 
 def solve_camera(
@@ -31,19 +34,20 @@ def solve_camera(
     *,
     image_size: tuple[int, int],
     person_height_m: float = PERSON_HEIGHT_M,
-    foot_height_m: float = 0.04,
+    foot_height_m: float = FOOT_HEIGHT_M,
     track: Int[np.ndarray, "n"] | None = None,
     prior: Orientation | None = None,
     method: str = "joint",
 ) -> Calibration:
     """The camera that sees upright people with these feet and heads (undistorted pixels).
 
-    ``method="joint"`` estimates focal length, tilt, roll and height together; ``prior`` may tell
-    what is known of the first three beforehand. ``method="paper"`` takes them from ``prior`` and
-    solves for the height alone (Wagner et al. 2019). ``person_height_m`` is the mean height of
-    the population, and all uncertainties are conditional on it; ``foot_height_m`` is the height
-    of the foot points above the ground. ``track`` says which rows are one person (-1: unknown);
-    the rows of a person are in order of time.
+    ``method="joint"`` estimates focal length, tilt, roll and height together; ``prior`` may state
+    what is known of the first three. ``method="paper"`` takes them from ``prior`` and solves for
+    the height alone (Wagner et al. 2019). ``person_height_m`` is the mean height of the
+    population, and all uncertainties are conditional on it; ``foot_height_m`` is the height of
+    the foot points above the ground. ``track`` says which rows are one person, in order of time;
+    -1 is unknown. Rows of unknown track may all be one person, and the uncertainty of the scale
+    allows for it: pass ``track=np.arange(n)`` if every row is another person.
 
     Returns a :class:`Calibration`, false with a reason where the camera is undetermined. Raises
     :class:`InputError` for arrays that are no points, and for the paper's method without prior.
@@ -60,113 +64,80 @@ def solve_camera(
     if len(foot) != len(head) or (track is not None and len(track) != len(foot)):
         raise InputError("foot_uv, head_uv and track must have one row per person")
     segments = Segments.from_points(foot, head, track=track)
-    return solve_segments(
-        segments,
-        image_size=image_size,
+    options = replace(
+        POINTS,
         person_height_m=person_height_m,
         foot_height_m=foot_height_m,
-        orientation=prior,
+        orientation="people" if prior is None else prior,
         method=method,
-        estimate_distortion=False,
     )
+    # Rows of points do not say which were seen at one moment: each has a frame of its own.
+    segments = replace(segments, frame=np.arange(len(foot)))
+    return solve_segments(segments, image_size, options)
 
 
 def solve_segments(
     segments: Segments,
-    *,
     image_size: tuple[int, int],
-    person_height_m: float = PERSON_HEIGHT_M,
-    foot_height_m: float = 0.04,
-    orientation: Orientation | None = None,
+    options: CalibrateOptions,
+    *,
+    edges_xyxy: Float[np.ndarray, "m 4"] | None = None,
     guessed: bool = False,
-    method: str = "joint",
-    lens: Lens | None = None,
-    estimate_focal: bool = False,
-    estimate_distortion: bool = True,
-    lines_xyxy: Float[np.ndarray, "m 4"] | None = None,
-    population_sigma_m: float = 0.0,
-    systematics: bool = False,
-    consensus: str = "exact",
-    seed: int = 0,
 ) -> Calibration:
-    """As :func:`solve_camera`, on segments in pixels of the footage and with all that is known.
+    """As :func:`solve_camera`, on segments in pixels of the footage.
 
-    A ``lens`` undistorts and fixes the focal length, unless ``estimate_focal``; without one, a
-    radial coefficient is estimated where ``estimate_distortion``. ``lines_xyxy`` are straight
-    edges of the scene in the same pixels. ``population_sigma_m`` is how well the mean height of
-    the people here is known, and widens the covariance. ``systematics`` is meant for real
-    footage: it adds the errors that all people share, and counts a track's places as correlated.
-    A ``guessed`` orientation is not named where the people contradict it: who guessed it asks
-    :func:`.disagreements`. ``consensus`` (``"exact"`` or ``"ransac"``) is that of the paper's
-    method, ``seed`` that of all sampling. Raises :class:`InputError` for values that make no sense.
+    The files that ``options`` name must have been read (:meth:`CalibrateOptions.read`).
+    ``edges_xyxy`` are straight edges of the scene in the same pixels. A ``guessed`` orientation is
+    not named where the people contradict it: the caller asks :func:`.disagreements`.
     """
-    check_asked(method, person_height_m, has_orientation=orientation is not None)
-    if not 0 <= population_sigma_m < person_height_m:
-        raise InputError(f"population_sigma_m must be 0 or more, found {population_sigma_m}")
-    if consensus not in CONSENSUS:
-        raise InputError(f"consensus must be one of {CONSENSUS}, found {consensus!r}")
+    if options.method == "paper" and options.known_orientation is None:
+        raise InputError("the paper's method needs an orientation: pass one, or read the network's")
     if min(image_size) < 1:
         raise InputError(f"image_size must be positive, found {image_size}")
-    if not 0 <= foot_height_m < person_height_m / 2:
-        raise InputError(f"foot_height_m must lie in 0 to half a person, found {foot_height_m}")
-    asked = Assumptions(
-        person_height_m=person_height_m,
-        foot_height_m=foot_height_m,
-        orientation=orientation,
-        method=method,
-        lens=lens,
-        estimate_focal=estimate_focal,
-        estimate_distortion=estimate_distortion,
-        lines_xyxy=lines_xyxy,
-        population_sigma_m=population_sigma_m,
-        systematics=systematics,
-        consensus=consensus,
-        seed=seed,
-    )
-    frame = ImageFrame(image_size, lens)
-    points = frame.points(segments, foot_height_m)
-    usable = np.isfinite(points.foot).all(axis=0) & np.isfinite(points.head).all(axis=0)
-    usable &= np.hypot(*(points.head - points.foot)) > 1e-6
-    case = Case(segments, usable, frame, asked)
+    case = Case(segments, ImageFrame(image_size, options.known_lens), options)
+    usable = case.usable
     if usable.sum() < verdict.MIN_PEOPLE:
         return case.undetermined(
             f"{int(usable.sum())} upright people are seen whole, and at least "
             f"{verdict.MIN_PEOPLE} are needed: use more footage, or footage with people in it"
         )
-    if method == "paper":
+    if options.method == "paper":
         return paper_calibration(case)
     prior = _prior(case)
     if segments.from_box[usable].all() and prior.sigma[FOCAL] > verdict.FOCAL_KNOWN:
         return case.undetermined(verdict.BOXES_ALONE)
-    problem = _problem(case, points.select(usable), prior)
-    state = solve(problem, seed=seed)
+    problem = _problem(case, prior, edges_xyxy)
+    state = solve(problem, seed=options.seed)
     if state is None:
-        return case.undetermined("no camera above the people explains what is seen")
-    return _judged(case, problem, state, guessed=guessed)
+        return case.undetermined("no camera above the ground explains what is seen")
+    found = _judged(case, problem, state)
+    if not found or guessed:
+        return found
+    return replace(found, warnings=(*found.warnings, *_contradictions(case)))
 
 
 def _prior(case: Case) -> Prior:
     """What is known before anybody is seen."""
     asked, unit = case.asked, case.frame.half_diagonal_px
     prior = default_prior(estimate_distortion=asked.estimate_distortion and case.frame.lens is None)
-    if asked.orientation is not None:
-        prior = prior.with_orientation(asked.orientation, unit)
+    if asked.known_orientation is not None:
+        prior = prior.with_orientation(asked.known_orientation, unit)
     if asked.fixed_focal_px is not None:
         prior = prior.with_focal(asked.fixed_focal_px, unit)
     return prior
 
 
-def _problem(case: Case, points: Points, prior: Prior) -> Problem:
+def _problem(case: Case, prior: Prior, edges_xyxy: np.ndarray | None) -> Problem:
     """The minimisation over the usable people."""
-    asked = case.asked
+    points = case.points.select(case.usable)
     track = _renumbered(case.segments.track[case.usable])
     length = np.hypot(*(points.head - points.foot))
-    correlation = TRACK_CORRELATION if asked.systematics else 0.0
+    correlation = TRACK_CORRELATION if case.asked.systematics else 0.0
     weight = position_weights(points.foot, length, track, correlation)
     lines = None
-    if asked.lines_xyxy is not None and len(asked.lines_xyxy):
-        lines = _lines(case.frame, asked.lines_xyxy)
-    return Problem(points, track, weight, asked.person_height_m, prior, lines)
+    if edges_xyxy is not None and len(edges_xyxy):
+        lines = _lines(case.frame, edges_xyxy)
+    return Problem(points, track, weight, case.asked.person_height_m, prior, lines)
 
 
 def _renumbered(track: np.ndarray) -> np.ndarray:
@@ -187,30 +158,71 @@ def _lines(frame: ImageFrame, xyxy: np.ndarray) -> Lines:
     return Lines.from_pixels(both * unit, np.zeros(2), unit)
 
 
-def _judged(case: Case, problem: Problem, state: State, *, guessed: bool) -> Calibration:
+def _judged(case: Case, problem: Problem, state: State) -> Calibration:
     """The calibration of a solved problem, or its refusal."""
-    measured = case.frame.lens is not None
-    cov = covariance(problem, state, systematics=case.asked.systematics, measured_lens=measured)
-    cov[HEIGHT, HEIGHT] += (case.asked.population_sigma_m / problem.person_height_m) ** 2
+    people = different_people(case.segments.select(case.usable))
+    cov = covariance(
+        problem,
+        state,
+        systematics=case.asked.systematics,
+        measured_lens=case.frame.lens is not None,
+    )
+    cov[HEIGHT, HEIGHT] += _scale_variance(case, problem, people)
     lin = linearise(problem, state)
     inlier = case.over_all(lin.inlier > 0.5, False)
     camera = case.frame.camera(state.parameters)
-    ground, relative = ground_error(case.found(camera=camera, covariance=cov, inlier=inlier))
+    errors = ground_errors(case.found(camera=camera, covariance=cov, inlier=inlier))
     share = float(inlier[case.usable].mean())
     depth = verdict.depth_of(problem.points, camera.R[:, 2], lin.inlier > 0.5)
-    why = verdict.refusal(problem.points, problem.prior, depth, cov, relative, share)
+    why = verdict.refusal(
+        problem.points, problem.prior, state.parameters, depth, cov, errors.relative, share
+    )
     if why is not None:
         return case.undetermined(why, inlier)
     along, across = spreads(problem, state.noise)
-    people = len(np.unique(problem.track))
-    said = verdict.warnings(int(case.usable.sum()), people, share, problem.prior, cov)
-    if not guessed:
-        said += contradictions(case, problem)
     return case.found(
         camera=camera,
         covariance=cov,
         inlier=inlier,
         residual=case.over_all(np.hypot(lin.residual[0] * along, lin.residual[1] * across), np.nan),
-        ground_error_m=ground,
-        warnings=tuple(said),
+        ground_error_m=errors.within,
+        warnings=tuple(verdict.warnings(int(case.usable.sum()), people, share, problem.prior, cov)),
     )
+
+
+def _scale_variance(case: Case, problem: Problem, people: int) -> float:
+    """Relative variance of the scale beyond the solver's: the population's mean is not known for
+    sure, and sightings of unknown track may be fewer ``people`` than the solver counts.
+    """
+    counted = len(np.unique(problem.track))
+    population2 = case.asked.population_sigma_m**2
+    missing2 = HEIGHT_SIGMA_M**2 * max(1 / people - 1 / counted, 0.0)
+    return (population2 + missing2) / problem.person_height_m**2
+
+
+def _contradictions(case: Case) -> list[str]:
+    """Sentences about given values that the people, asked again without them, contradict; none
+    where nothing was given, and of boxes alone, which cannot answer.
+    """
+    asked = case.asked
+    given, fixed = asked.known_orientation, asked.fixed_focal_px
+    said = []
+    if given is not None and fixed is not None:
+        apart = abs(np.log(given.focal_px / fixed))
+        if np.isfinite(given.focal_sigma_px) and apart > _LENS_AGREEMENT:
+            said.append(
+                f"The orientation's focal length ({given.focal_px:.0f} px) differs from the "
+                f"lens file's ({fixed:.0f} px), which was used."
+            )
+    if fixed is not None:
+        given = given or Orientation(fixed, 0.0, 0.0, 0.0, np.inf, np.inf)
+        given = replace(given, focal_px=fixed, focal_sigma_px=0.0)
+    if given is None or case.segments.from_box[case.usable].all():
+        return said
+    free = replace(asked, orientation="people", estimate_focal=True)
+    alone = solve_segments(case.segments, case.frame.image_size, free, guessed=True)
+    return said + [
+        f"The {name} that was given, {stated}, contradicts the people, who by themselves say "
+        f"{found}."
+        for name, stated, found in verdict.disagreements(alone, given)
+    ]

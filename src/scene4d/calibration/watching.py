@@ -1,16 +1,18 @@
 """Looking at footage once: people, whether the camera moves, the scene's edges."""
 
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scene4d.calibration.options import Options, Seen
-from scene4d.calibration.orienting import MOST_FRAMES, OrientationReader
-from scene4d.calibration.solving import solved
-from scene4d.core.camera import Camera, Lens
+from scene4d.calibration.guess import solve_guided
+from scene4d.calibration.options import CalibrateOptions
+from scene4d.calibration.orienting import MOST_FRAMES, OrientationReader, OrientationReading
+from scene4d.calibration.segments import missing_keypoints, person_segments
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.progress import Progress, timed
@@ -24,6 +26,40 @@ _ROUGH_FRAMES = 12
 _NETWORK_FRAMES = 32
 """So many frames are shown to the orientation network for a guess: their errors are nearly the
 same. Where it alone is believed, all are, up to :data:`.MOST_FRAMES`."""
+
+
+@dataclass
+class Seen:
+    """What the footage showed; ``reading`` is None where the orientation network did not look."""
+
+    detections: Detections
+    frames: int
+    edges_xyxy: np.ndarray | None = None
+    image_bgr: np.ndarray | None = None
+    people_bgr: np.ndarray | None = None
+    reading: OrientationReading | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+def solved(seen: Seen, options: CalibrateOptions) -> Calibration:
+    """The calibration of what was seen, with what was noticed on the way among its warnings.
+
+    The files that ``options`` name must have been read (:meth:`CalibrateOptions.read`).
+    """
+    found = solve_guided(
+        person_segments(seen.detections),
+        seen.detections.image_size,
+        options,
+        seen.reading,
+        edges_xyxy=seen.edges_xyxy,
+    )
+    said = [*seen.notes]
+    missing = missing_keypoints(seen.detections)
+    if missing:
+        said.append(
+            f"The annotations' keypoints lack {', '.join(missing)}; their boxes were used instead."
+        )
+    return replace(found, frames=seen.frames, warnings=(*said, *found.warnings))
 
 
 def fetch_weights(progress: Progress, *, vehicles: bool = False) -> None:
@@ -49,7 +85,7 @@ def fetch_weights(progress: Progress, *, vehicles: bool = False) -> None:
         fetch_all(told, names=names)
 
 
-def annotated(options: Options, image_size: tuple[int, int], fps: float | None) -> Seen:
+def annotated(options: CalibrateOptions, image_size: tuple[int, int], fps: float | None) -> Seen:
     """What an annotation file says was seen, instead of a detector."""
     assert options.annotations is not None
     detections, notes = noted_annotations(
@@ -71,25 +107,23 @@ def noted_annotations(
 
 
 def watch(
-    footage: "Source",
-    lens: Lens | None,
-    options: Options,
-    progress: Progress,
-    timings: dict[str, float],
+    footage: "Source", options: CalibrateOptions, progress: Progress, timings: dict[str, float]
 ) -> Seen:
     """Look at sampled frames once: people, whether the camera moves, the scene's edges, and what
     the orientation network reads.
+
+    The files that ``options`` name must have been read (:meth:`CalibrateOptions.read`).
     """
     from scene4d.perception.lines import straight_edges
     from scene4d.video.background import Background
     from scene4d.video.motion import MotionMonitor
     from scene4d.video.sampling import expected_count, sample_frames
 
-    people = None if options.annotations else _people_detector(footage, lens, options, progress)
+    people = None if options.annotations else _people_detector(footage, options, progress)
     monitor = MotionMonitor(footage.image_size)
     expected = expected_count(footage, options.frames)
     background = Background(footage.image_size, expected)
-    reader = _reader(footage.image_size, lens, options, expected)
+    reader = _reader(footage.image_size, options, expected)
     notes: list[str] = []
     parts: list[Detections] = []
     busiest: tuple[int, np.ndarray | None] = (0, None)
@@ -124,21 +158,25 @@ def watch(
     if options.lines and options.method == "joint" and seen.image_bgr is not None:
         with timed(timings, "edges"):
             hidden = None if background.is_median else seen.detections.box_xyxy
-            seen.edges = straight_edges(seen.image_bgr, hidden)
+            seen.edges_xyxy = straight_edges(seen.image_bgr, hidden)
     return seen
 
 
 def _reader(
-    image_size: tuple[int, int], lens: Lens | None, options: Options, expected: int
+    image_size: tuple[int, int], options: CalibrateOptions, expected: int
 ) -> OrientationReader | None:
     if not options.uses_network:
         return None
     most = MOST_FRAMES if options.needs_network else _NETWORK_FRAMES
     step = max(1, -(-expected // most))
-    return OrientationReader(image_size, lens, focal_known=not options.estimate_focal, step=step)
+    return OrientationReader(
+        image_size, options.known_lens, focal_known=not options.estimate_focal, step=step
+    )
 
 
-def _offered(reader: OrientationReader, frame: "Frame", options: Options, notes: list[str]) -> bool:
+def _offered(
+    reader: OrientationReader, frame: "Frame", options: CalibrateOptions, notes: list[str]
+) -> bool:
     """Show the network a frame; false, with a note, where it cannot see and is not needed."""
     try:
         reader.offer(frame)
@@ -164,7 +202,7 @@ def drop_stationary(seen: Seen) -> None:
 
 
 def _people_detector(
-    footage: "Source", lens: Lens | None, options: Options, progress: Progress
+    footage: "Source", options: CalibrateOptions, progress: Progress
 ) -> "PeopleDetector":
     """The default detector; where it needs tiles, a rough camera first tells it where."""
     from scene4d.perception.detectors.tiles import choose_tiles
@@ -185,7 +223,8 @@ def _people_detector(
             replace(people, tracker=None),
             progress=lambda done, found: step(1),
         )
-    first = solved(Seen(rough, _ROUGH_FRAMES), lens, replace(options, method="joint"), None)
+    people_only = replace(options, method="joint", orientation="people")
+    first = solved(Seen(rough, _ROUGH_FRAMES), people_only)
     if not first or first.camera is None:
         return people
     assert isinstance(people.detector, YoloxDetector)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.calibration.options import Run
+from scene4d.calibration.calibrating import Run
 from scene4d.calibration.orienting import OrientationReading
 from scene4d.core.calibration import Calibration
 from scene4d.core.files import write_bytes, write_json

@@ -169,13 +169,13 @@ def calibrate(
             param_hint="--orientation",
         )
     from scene4d.calibration.calibrating import run
-    from scene4d.calibration.options import Options
+    from scene4d.calibration.options import CalibrateOptions
     from scene4d.calibration.writing import write
     from scene4d.cli.folder import output_folder
     from scene4d.cli.progress import shown
     from scene4d.cli.summary import finish
 
-    options = Options(
+    options = CalibrateOptions(
         lens=lens,
         annotations=annotations,
         image_size=size,

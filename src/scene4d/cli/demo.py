@@ -13,7 +13,7 @@ from scene4d.core.errors import OutputError, UnavailableError
 if TYPE_CHECKING:
     import numpy as np
 
-    from scene4d.calibration.options import Run
+    from scene4d.calibration.calibrating import Run
     from scene4d.core.progress import Progress
 
 _TITLE = "PETS 2009 S2.L1, View 001"
@@ -56,7 +56,7 @@ def demo(
 
 def _calibrated(progress: "Progress") -> "tuple[Run, str]":
     from scene4d.calibration.calibrating import run
-    from scene4d.calibration.options import Options
+    from scene4d.calibration.options import CalibrateOptions
     from scene4d.calibration.watching import fetch_weights
     from scene4d.perception.weights import cache_dir
     from scene4d.video.sample import sample_video
@@ -68,12 +68,12 @@ def _calibrated(progress: "Progress") -> "tuple[Run, str]":
         fetch_weights(progress)
     except (UnavailableError, OutputError) as error:
         return _from_embedded_people(video, str(error), progress), "embedded table"
-    return run(video, Options(), progress), "video"
+    return run(video, CalibrateOptions(), progress), "video"
 
 
 def _from_embedded_people(video: Path | None, why: str, progress: "Progress") -> "Run":
     from scene4d.calibration.calibrating import run_detections
-    from scene4d.calibration.options import Options
+    from scene4d.calibration.options import CalibrateOptions
     from scene4d.formats.demo import demo_detections
 
     missing = "sample video" if video is None else "networks"
@@ -85,7 +85,7 @@ def _from_embedded_people(video: Path | None, why: str, progress: "Progress") ->
     )
     return run_detections(
         demo_detections(),
-        Options(),
+        CalibrateOptions(),
         progress,
         _TITLE,
         image_bgr=None if video is None else _first_picture(video),

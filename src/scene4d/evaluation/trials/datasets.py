@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.calibration.options import Options, Seen
-from scene4d.calibration.watching import annotated, watch
+from scene4d.calibration.options import CalibrateOptions
+from scene4d.calibration.watching import Seen, annotated, watch
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
 from scene4d.core.progress import Progress
@@ -42,7 +42,7 @@ def evaluate_pets(data: str | Path, progress: Progress) -> Evaluation:
     """
     folder = Path(data)
     reference = pets(folder)
-    inputs, notes = _video(folder, Options(), progress)
+    inputs, notes = _video(folder, CalibrateOptions(), progress)
     for name, footage in (
         ("frcnn_det.txt", "Faster R-CNN boxes"),
         ("PETS2009-S2L1.xml", "hand-drawn boxes"),
@@ -60,11 +60,13 @@ def evaluate_towncentre(data: str | Path, progress: Progress) -> Evaluation:
     """
     folder = Path(data)
     reference = towncentre(folder)
-    inputs, notes = _video(folder, Options(frames=PUBLISHED["towncentre"].frames), progress)
+    inputs, notes = _video(
+        folder, CalibrateOptions(frames=PUBLISHED["towncentre"].frames), progress
+    )
     pictures = folder / "frames"
     if pictures.is_dir():
         count = len(list(pictures.iterdir()))
-        inputs.append(Input(f"{count} frames", _watched(pictures, Options(), progress)))
+        inputs.append(Input(f"{count} frames", _watched(pictures, CalibrateOptions(), progress)))
     if (folder / "tracker_boxes.txt").exists():
         inputs.append(Input("tracker boxes", _boxes(folder / "tracker_boxes.txt", reference)))
     published = _boxes(folder / "TownCentreGTHalfRes.csv", reference)
@@ -89,14 +91,16 @@ def evaluate_virat(
     if scene.video is None:
         notes.append(_NO_VIDEO)
     else:
-        options = Options(frames=PUBLISHED["virat"].frames)
+        options = CalibrateOptions(frames=PUBLISHED["virat"].frames)
         inputs.append(Input("video", _watched(scene.video, options, progress)))
     people = spread_frames(scene.people)
     inputs.append(Input("annotated boxes", Seen(people, len(np.unique(people.frame)))))
     return _evaluated("virat", scene.reference, inputs, notes, progress)
 
 
-def _video(folder: Path, options: Options, progress: Progress) -> tuple[list[Input], list[str]]:
+def _video(
+    folder: Path, options: CalibrateOptions, progress: Progress
+) -> tuple[list[Input], list[str]]:
     videos = sorted(p for p in folder.iterdir() if p.suffix.lower() in _VIDEO_SUFFIXES)
     if not videos:
         return [], [_NO_VIDEO]
@@ -106,17 +110,19 @@ def _video(folder: Path, options: Options, progress: Progress) -> tuple[list[Inp
     return [Input("video", _watched(videos[0], options, progress))], []
 
 
-def _watched(source: Path, options: Options, progress: Progress) -> Seen:
+def _watched(source: Path, options: CalibrateOptions, progress: Progress) -> Seen:
     """What the footage shows; the orientation network looks at every frame that is sampled."""
     from scene4d.video.reader import open_source
 
     options = replace(options, orientation="network")
     with open_source(source) as footage:
-        return watch(footage, None, options, progress, {})
+        return watch(footage, options, progress, {})
 
 
 def _boxes(path: Path, reference: Reference) -> Seen:
-    return annotated(Options(annotations=path, drop_invalid=True), reference.image_size, None)
+    return annotated(
+        CalibrateOptions(annotations=path, drop_invalid=True), reference.image_size, None
+    )
 
 
 def _evaluated(

@@ -1,13 +1,12 @@
 """Drawing a few people from single frames: is the orientation network worth having then?"""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from scene4d.calibration import person_segments
-from scene4d.calibration.options import Options
-from scene4d.calibration.solving import camera_of
+from scene4d.calibration.guess import solve_guided
+from scene4d.calibration.options import CalibrateOptions
 from scene4d.core.people import Segments
 from scene4d.core.progress import Advance
 from scene4d.evaluation import FewPeople, Reference, few_error_m
@@ -20,7 +19,8 @@ DRAWS = 24
 WAYS = ("", ", no edges")
 """What is left out: nothing, and the straight edges of the scene, which tell of the camera much as
 the network does."""
-_ALONE, _GUIDED = Options(orientation="people"), Options(orientation="auto")
+_ALONE = CalibrateOptions(orientation="people")
+_GUIDED = CalibrateOptions(orientation="auto")
 
 
 def few_people(
@@ -44,16 +44,17 @@ def few_people(
         for people, draws in drawn.items()
         if not draws
     )
-    ways = WAYS if given.seen.edges is not None else WAYS[:1]
+    ways = WAYS if given.seen.edges_xyxy is not None else WAYS[:1]
+    size = given.seen.detections.image_size
     for way in ways:
-        all_seen = given.seen if way == "" else replace(given.seen, edges=None)
+        edges = given.seen.edges_xyxy if way == "" else None
         for people, draws in drawn.items():
             errors = []
             for rows in draws:
                 chosen = segments.select(rows)
-                seen = replace(all_seen, reading=reading.of_frame(int(chosen.frame[0])))
-                alone = camera_of(chosen, seen, None, _ALONE, None)
-                guided = camera_of(chosen, seen, None, _GUIDED, None, alone=alone)
+                read = reading.of_frame(int(chosen.frame[0]))
+                alone = solve_guided(chosen, size, _ALONE, None, edges_xyxy=edges)
+                guided = solve_guided(chosen, size, _GUIDED, read, edges_xyxy=edges, alone=alone)
                 errors.append([few_error_m(found, reference) for found in (alone, guided)])
                 step(1)
             if errors:

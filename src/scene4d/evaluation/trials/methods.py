@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from scene4d.calibration import person_segments
-from scene4d.calibration.options import Options, Seen
-from scene4d.calibration.solving import solved, told_orientation
+from scene4d.calibration.options import CalibrateOptions
+from scene4d.calibration.watching import Seen, solved
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import PERSON_HEIGHT_M
 from scene4d.evaluation import PAPER_HEIGHTS_M, Outcome, Reference, Setting
@@ -38,16 +38,15 @@ class Trial:
         """Calibrate and score; a refusal is an outcome too. Nothing told means: not by the
         orientation network either.
         """
-        options = Options(
+        options = CalibrateOptions(
+            lens=reference.camera.lens if self.has_lens else None,
             person_height_m=person_height_m,
             method=self.setting.method,
             orientation=self.orientation or "people",
             # A focal length that was told stands against the lens's own.
             estimate_focal=isinstance(self.orientation, Orientation),
         )
-        lens = reference.camera.lens if self.has_lens else None
-        found = solved(self.seen, lens, options, told_orientation(options))
-        return Outcome.scored(self.setting, found, reference)
+        return Outcome.scored(self.setting, solved(self.seen, options), reference)
 
 
 def trials(given: Input, truth: Orientation | None) -> Iterator[Trial]:
@@ -58,7 +57,9 @@ def trials(given: Input, truth: Orientation | None) -> Iterator[Trial]:
     """
     network = given.seen.reading is not None
     keypoints = not person_segments(given.seen.detections).from_box.all()
-    boxes = replace(given.seen, detections=given.seen.detections.without_keypoints(), edges=None)
+    boxes = replace(
+        given.seen, detections=given.seen.detections.without_keypoints(), edges_xyxy=None
+    )
     of_boxes = f"{given.footage}, boxes" if keypoints else given.footage
 
     def trial(
@@ -91,7 +92,7 @@ def trials(given: Input, truth: Orientation | None) -> Iterator[Trial]:
     if not keypoints:
         return
     name = f"{given.footage}, keypoints"
-    alone = replace(given.seen, edges=None)
+    alone = replace(given.seen, edges_xyxy=None)
     yield trial(name, "joint", "nothing", given.seen, headline=True)
     yield trial(name, "joint", "nothing, no edges", alone)
     if truth is not None:

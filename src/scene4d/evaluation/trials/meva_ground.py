@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scene4d.calibration.solving import POPULATION_SIGMA_M
 from scene4d.core.calibration import Calibration
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Detections
@@ -50,25 +49,20 @@ class Ground:
 
 def local_ground(name: str, published: Calibration, annotated: Sequence[Detections]) -> Ground:
     """The published camera over the plane on which the people of its clips (one or more) stand."""
-    from scene4d.calibration import person_segments, solve_segments
+    from scene4d.calibration import CalibrateOptions, person_segments, solve_segments
 
     camera = published.camera
     assert camera is not None
     segments = person_segments(_thinned(annotated))
-    found = solve_segments(
-        segments,
-        image_size=published.image_size,
-        orientation=Orientation(
-            focal_px=float(camera.K[0, 0]),
-            tilt_rad=camera.tilt_rad,
-            roll_rad=camera.roll_rad,
-            tilt_sigma_rad=float(_SLOPE_SIGMA_RAD),
-            roll_sigma_rad=float(_SLOPE_SIGMA_RAD),
-        ),
-        lens=camera,
-        population_sigma_m=POPULATION_SIGMA_M,
-        systematics=True,
+    orientation = Orientation(
+        focal_px=float(camera.K[0, 0]),
+        tilt_rad=camera.tilt_rad,
+        roll_rad=camera.roll_rad,
+        tilt_sigma_rad=float(_SLOPE_SIGMA_RAD),
+        roll_sigma_rad=float(_SLOPE_SIGMA_RAD),
     )
+    options = CalibrateOptions(lens=camera.lens, orientation=orientation)
+    found = solve_segments(segments, published.image_size, options)
     if found.reason is not None:
         return Ground(name, published, published, found.reason)
     return Ground(name, published, found)
