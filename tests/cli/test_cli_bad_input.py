@@ -29,7 +29,7 @@ def test_a_file_that_is_not_there(run, tmp_path):
 
 def test_a_zero_byte_file(run, tmp_path):
     (tmp_path / "empty.mp4").touch()
-    done = run("calibrate", tmp_path / "empty.mp4", "--out", tmp_path / "o", "--json")
+    done = run("calibrate", tmp_path / "empty.mp4", "--out", tmp_path / "o")
     assert_refused(done, tmp_path / "o", "empty.mp4", "0 bytes")
 
 

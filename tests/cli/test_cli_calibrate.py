@@ -35,7 +35,8 @@ def assert_complete(out: Path, printed: dict[str, object]) -> None:
     """The folder holds what is promised and nothing else, and its parts agree."""
     assert {p.name for p in out.iterdir()} == FILES | {"background.jpg"}
     written = json.loads((out / "camera.json").read_text())
-    assert printed == written | {"out": str(out)}
+    envelope = {name: printed[name] for name in ("schema", "version", "warnings", "error")}
+    assert printed == written | {"out": str(out)} | envelope
     people = read_table(out / "people.parquet")
     assert len(people["frame"]) == written["people"]
     assert int(people["inlier"].sum()) == written["inliers"]
@@ -155,7 +156,11 @@ def test_an_undetermined_camera_is_written_with_its_reason(run, known, scene, tm
     assert "at least 3" in (out / "report.html").read_text()
     as_json = run(*known, "--out", out, "--json")
     assert as_json.exit_code == 1
-    assert json.loads(as_json.stdout) == found | {"out": str(out)}
+    printed = json.loads(as_json.stdout)
+    assert printed["error"]["kind"] == "undetermined"
+    assert found["reason"] in printed["error"]["message"]
+    envelope = {name: printed[name] for name in ("schema", "version", "warnings", "error")}
+    assert printed == found | {"out": str(out)} | envelope
 
 
 def test_a_result_takes_the_place_of_an_earlier_one(run, known, scene, tmp_path):

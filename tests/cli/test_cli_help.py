@@ -34,6 +34,7 @@ PROMISED = {
     "evaluate meva": "--data --out --json",
     "evaluate custom": "--camera --reference --points --image-size --out --json",
     "export": "--to --out --from --image-size --run --anchor --json",
+    "activities": "--catalogue --json",
     "models": "--json",
     "demo": "--out --json",
 }
@@ -63,6 +64,7 @@ def test_every_promised_option_is_there_and_explained(run, command):
     assert result.exit_code == 0, result.stderr
     assert result.stderr == ""
     assert set(PROMISED[command].split()) <= options_of(command)
+    assert {"--json", "-q", "--quiet", "-v", "--verbose"} <= options_of(command)
     shown = set(re.findall(r"--[a-z-]+", result.stdout))
     assert set(PROMISED[command].split()) <= shown
     assert "Example" in result.stdout

@@ -1,6 +1,9 @@
 """The command line: one thin file per command; nothing heavy is imported before a command runs."""
 
 import os
+import signal
+import sys
+from types import FrameType
 
 
 def main() -> None:
@@ -8,6 +11,25 @@ def main() -> None:
     # onnxruntime from 1.29 on reports its use to its maker, from the moment it is imported.
     # Whoever watches a camera must not be surprised by that.
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
-    from scene4d.cli.app import app
+    try:
+        from scene4d.cli.app import app
 
-    app(prog_name="scene4d")
+        signal.signal(signal.SIGTERM, _terminated)
+        app(prog_name="scene4d")
+    except KeyboardInterrupt:
+        _end("interrupted", 130)
+    except OSError as error:  # help that cannot be printed
+        _end(f"error: standard output cannot be written: {error.strerror}", 1)
+
+
+def _terminated(signal_number: int, frame: FrameType | None) -> None:
+    from scene4d.cli.command import Terminated
+
+    raise Terminated
+
+
+def _end(text: str, code: int) -> None:
+    """One line, and the exit code; what stdout could not take is not tried again."""
+    sys.stderr.write(f"scene4d: {text}\n")
+    sys.stderr.flush()
+    os._exit(code)

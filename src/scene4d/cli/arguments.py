@@ -3,14 +3,10 @@
 import inspect
 import math
 import re
-from typing import Annotated
+import shlex
+import sys
 
 import typer
-
-Json = Annotated[
-    bool,
-    typer.Option("--json", help="Print one JSON object to standard output, and nothing else."),
-]
 
 
 def parse_image_size(text: str) -> tuple[int, int]:
@@ -44,3 +40,10 @@ def reflowed(doc: str | None) -> str:
     """
     paragraphs = inspect.cleandoc(doc or "").split("\n\n")
     return "\n\n".join(p if p.startswith(" ") else " ".join(p.split()) for p in paragraphs)
+
+
+def command_line() -> str:
+    """The command as it was typed, for a report; passwords in addresses are left out."""
+    from scene4d.video.stream import without_password
+
+    return shlex.join(["scene4d", *map(without_password, sys.argv[1:])])

@@ -1,15 +1,18 @@
 """``scene4d calibrate``: footage in, camera and report out."""
 
-import shlex
-import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scene4d.cli.arguments import Json, parse_image_size, parse_person_height
-from scene4d.cli.guard import guarded
+from scene4d.cli.arguments import command_line, parse_image_size, parse_person_height
+from scene4d.cli.command import Answer, Job, command, output_folder
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from scene4d.core.calibration import Calibration
 
 
 class Method(StrEnum):
@@ -19,11 +22,14 @@ class Method(StrEnum):
     paper = "paper"
 
 
+_PLAIN = str.maketrans({"\N{MINUS SIGN}": "-", "\N{NO-BREAK SPACE}": " ", "\u202f": " "})
+"""What people copy from a terminal must be what programs read."""
 _FOOTAGE, _KNOWN, _SOLVER = "What is looked at", "What is known beforehand", "How it is solved"
 
 
-@guarded
+@command("calibrate")
 def calibrate(
+    job: Job,
     source: Annotated[
         str | None,
         typer.Argument(
@@ -135,8 +141,7 @@ def calibrate(
             rich_help_panel=_SOLVER,
         ),
     ] = 0,
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Calibrate a fixed camera from footage of people walking.
 
     Finds focal length, tilt, roll, lens distortion and height above the ground in metres, with
@@ -171,9 +176,6 @@ def calibrate(
     from scene4d.calibration.calibrating import run
     from scene4d.calibration.options import CalibrateOptions
     from scene4d.calibration.writing import write
-    from scene4d.cli.folder import output_folder
-    from scene4d.cli.progress import shown
-    from scene4d.cli.summary import finish
 
     options = CalibrateOptions(
         lens=lens,
@@ -187,14 +189,66 @@ def calibrate(
         seed=seed,
         drop_invalid=drop_invalid,
     )
-    with output_folder(out), shown() as progress:
+    with output_folder(out), job.progress() as progress:
         result = run(source, options, progress)
         write(result, out, command=command_line(), progress=progress)
-    finish(result.calibration, out, as_json=as_json)
+    return calibrated(result.calibration, out)
 
 
-def command_line() -> str:
-    """The command as it was typed, for the report; passwords in addresses are left out."""
-    from scene4d.video.stream import without_password
+def calibrated(found: "Calibration", out: Path, **more: str) -> Answer:
+    """The answer that a calibration is; ``more`` are further fields."""
+    return Answer(
+        found.to_dict() | {"out": str(out)} | more,
+        lambda: _show(found, out),
+        found.warnings,
+        None if found else found.reason,
+    )
 
-    return shlex.join(["scene4d", *map(without_password, sys.argv[1:])])
+
+def _show(found: "Calibration", out: Path) -> None:
+    """The camera with its uncertainty, the warnings, and where everything lies."""
+    from rich.table import Table
+
+    from scene4d.cli.output import screen
+
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column(no_wrap=True)
+    table.add_column(style="dim")
+    for row in _rows(found):
+        table.add_row(*(" ".join(text.translate(_PLAIN).split()) for text in row))
+    with screen() as console:
+        console.print(table)
+        if found.warnings:
+            console.print()
+            console.print(_warnings(found), style="yellow")
+        # Paths are never wrapped: people click on them and copy them.
+        console.print(f"\nReport   {out / 'report.html'}", soft_wrap=True)
+        console.print(f"Camera   {out / 'camera.json'}", soft_wrap=True)
+
+
+def _warnings(found: "Calibration") -> "Table":
+    from rich.table import Table
+
+    table = Table.grid(padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True)
+    table.add_column()
+    for warning in found.warnings:
+        table.add_row("Warning", warning)
+    return table
+
+
+def _rows(found: "Calibration") -> list[tuple[str, str, str]]:
+    from scene4d.drawing.words import parameter_rows, rounded_m
+
+    rows = [(row.name, row.value, row.meaning) for row in parameter_rows(found)] if found else []
+    if found and found.ground_error_m is not None:
+        median, p90 = (rounded_m(found.ground_error_m[name]) for name in ("median", "p90"))
+        rows.append(("Ground error", median, f"predicted median; one in ten is over {p90}"))
+    where = f"{found.frames} frame{'' if found.frames == 1 else 's'}"
+    if found:
+        of = f"of {found.people} sightings in {where} agree with the camera"
+        rows.append(("People", str(found.inliers), of))
+    else:
+        rows.append(("People", str(found.people), f"sightings in {where}"))
+    return rows

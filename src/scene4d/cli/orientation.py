@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scene4d.cli.arguments import Json
-from scene4d.cli.guard import guarded
+from scene4d.cli.command import Answer, Job, command, output_folder
 
 if TYPE_CHECKING:
     from scene4d.calibration.orienting import OrientationReading
@@ -19,8 +18,9 @@ _ROWS = (
 )
 
 
-@guarded
+@command("orientation")
 def orientation(
+    job: Job,
     source: Annotated[
         str,
         typer.Argument(
@@ -59,8 +59,7 @@ def orientation(
             show_default=False,
         ),
     ] = None,
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Read focal length, tilt and roll of a camera from its pictures alone.
 
     A small network that is part of scene4d looks at buildings, streets, trees and sky; nobody
@@ -76,25 +75,15 @@ def orientation(
       scene4d orientation gate.mp4 --lens lens.yaml --out gate
       scene4d orientation "frames/*.jpg" --json > orientation.json
     """
-    from contextlib import nullcontext
-
     from scene4d.calibration.orienting import read_orientation
     from scene4d.calibration.writing import write_orientation
-    from scene4d.cli.folder import output_folder
-    from scene4d.cli.output import emit_json, say
-    from scene4d.cli.progress import shown
 
     figure = None
-    with nullcontext() if out is None else output_folder(out), shown() as progress:
+    with output_folder(out), job.progress() as progress:
         reading = read_orientation(source, lens=lens, frames=frames, progress=progress)
         if out is not None:
             figure = write_orientation(reading, out, progress=progress)
-    if as_json:
-        for note in reading.notes:
-            say(f"scene4d: warning: {note}")
-        emit_json(reading.to_dict())
-    else:
-        _show(reading, figure)
+    return Answer(reading.to_dict(), lambda: _show(reading, figure), reading.notes)
 
 
 def _show(reading: "OrientationReading", figure: Path | None) -> None:

@@ -1,13 +1,12 @@
 """``scene4d search``: words in, ranked events out."""
 
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scene4d.cli.arguments import Json
-from scene4d.cli.guard import guarded
+from scene4d.cli.arguments import command_line
+from scene4d.cli.command import Answer, Job, command, output_folder
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -18,8 +17,9 @@ _ASKED = "What is asked for"
 _RESULT = "What comes out"
 
 
-@guarded
+@command("search")
 def search(
+    job: Job,
     scenes: Annotated[
         list[Path],
         typer.Argument(
@@ -95,8 +95,7 @@ def search(
             show_default=False,
         ),
     ] = None,
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Find what is said in words in what cameras tracked: who, when, where, and why it fits.
 
     The words are taken apart into predicates, probabilities of what happens in space and time, and
@@ -119,18 +118,14 @@ def search(
         )
     if footage is not None and out is None:
         raise typer.BadParameter("is for the page of --out", param_hint="--footage")
-    from contextlib import nullcontext
-
     from scene4d import searching as finding
-    from scene4d.cli.folder import output_folder
-    from scene4d.cli.progress import shown
     from scene4d.store.query import Scene
 
     scene = Scene.open(*scenes)
     asked = finding.understand(scene, words, catalogues=catalogue or (), zones=zones)
-    if not as_json:
+    if not job.as_json:
         _show_understood(asked)
-    with nullcontext() if out is None else output_folder(out), shown() as progress:
+    with output_folder(out), job.progress() as progress:
         done = finding.search(
             scene,
             asked,
@@ -141,18 +136,14 @@ def search(
         if out is not None:
             from scene4d.searching.writing import write_search
 
-            write_search(done, scene, out, progress, top=top, footage=footage, command=_command())
+            write_search(
+                done, scene, out, progress, top=top, footage=footage, command=command_line()
+            )
         if actev is not None:
             from scene4d.searching.actev import write_actev
 
             write_actev(done, actev)
-    _finish(done, top=top, out=out, actev=actev, as_json=as_json)
-
-
-def _command() -> str:
-    import shlex
-
-    return shlex.join(["scene4d", *sys.argv[1:]])
+    return Answer(done.to_dict(), lambda: _show(done, top=top, out=out, actev=actev), asked.notes)
 
 
 def _show_understood(asked: "Asked") -> None:
@@ -169,14 +160,8 @@ def _show_understood(asked: "Asked") -> None:
         console.print()
 
 
-def _finish(
-    done: "Search", *, top: int, out: Path | None, actev: Path | None, as_json: bool
-) -> None:
-    from scene4d.cli.output import emit_json, screen
-
-    if as_json:
-        emit_json(done.to_dict())
-        return
+def _show(done: "Search", *, top: int, out: Path | None, actev: Path | None) -> None:
+    from scene4d.cli.output import screen
     from scene4d.searching.telling import verdict
 
     shown = done.events[:top]

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scene4d.cli.arguments import Json, parse_person_height
-from scene4d.cli.guard import guarded
+from scene4d.cli.arguments import parse_person_height
+from scene4d.cli.command import Answer, Job, command, output_folder
 
 if TYPE_CHECKING:
     from scene4d.tracking import TrackRun
@@ -17,8 +17,9 @@ _WATCHING = "What is watched"
 _MEANING = "What it means"
 
 
-@guarded
+@command("track")
 def track(
+    job: Job,
     source: Annotated[
         str | None,
         typer.Argument(
@@ -122,8 +123,7 @@ def track(
             show_default=False,
         ),
     ] = None,
-    as_json: Json = False,
-) -> None:
+) -> Answer:
     """Follow people and vehicles on the ground, in metres and seconds, and write the scene.
 
     The scene is a folder of Parquet files with a row per object and moment: position with its
@@ -145,7 +145,6 @@ def track(
             "is for --annotations; --rate says how often footage is looked at", param_hint="--fps"
         )
     height_m = None if person_height is None else parse_person_height(person_height)
-    from scene4d.cli.progress import shown
     from scene4d.tracking import TrackOptions, track_scene
 
     options = TrackOptions(
@@ -159,11 +158,9 @@ def track(
         drop_invalid=drop_invalid,
         detector=detector,
     )
-    from scene4d.cli.folder import output_folder
-
-    with output_folder(out), shown() as progress:
+    with output_folder(out), job.progress() as progress:
         run = track_scene(source, out, options, progress)
-    _finish(run, as_json=as_json)
+    return Answer(run.to_dict(), lambda: _show(run), run.warnings)
 
 
 def _parse_start(text: str) -> datetime:
@@ -181,13 +178,10 @@ def _times(timings: dict[str, float]) -> str:
     return ", ".join(f"{k} {v:.1f} s" for k, v in timings.items() if v >= 0.05)
 
 
-def _finish(run: "TrackRun", *, as_json: bool) -> None:
-    from scene4d.cli.output import emit_json, screen
-
-    if as_json:
-        emit_json(run.to_dict())
-        return
+def _show(run: "TrackRun") -> None:
     from rich.table import Table
+
+    from scene4d.cli.output import screen
 
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(style="bold", no_wrap=True)

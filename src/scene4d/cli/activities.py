@@ -1,0 +1,52 @@
+"""``scene4d activities``: what can be searched for, and how to ask for it."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from scene4d.cli.command import Answer, Job, command
+from scene4d.cli.output import screen
+
+
+@command("activities")
+def activities(
+    job: Job,
+    catalogue: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE",
+            help="YAML file of your own activities, beside the built-in ones. May be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+) -> Answer:
+    """List the activities that search knows, with words that ask for each.
+
+    [bold]Examples[/bold]
+
+      scene4d activities
+      scene4d activities --catalogue mine.yaml --json
+    """
+    from scene4d.searching.activities.catalogue import load_catalogue
+
+    rows = [
+        {
+            "name": one.name,
+            "description": one.description,
+            "roles": {role.name: list(role.classes) for role in one.roles},
+            "phrases": list(one.phrases),
+        }
+        for one in load_catalogue(*(catalogue or ())).values()
+    ]
+    return Answer({"activities": rows}, lambda: _show(rows))
+
+
+def _show(rows: list[dict[str, Any]]) -> None:
+    with screen() as console:
+        for row in rows:
+            console.print(row["name"], style="bold")
+            console.print(f"  {row['description']}", soft_wrap=True)
+            if row["phrases"]:
+                console.print(f'  scene4d search SCENE "{row["phrases"][0]}"', style="dim")
+            console.print()

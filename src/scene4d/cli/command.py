@@ -1,0 +1,279 @@
+"""What all commands share: ``--json``, ``-q``, ``-v``, messages, errors and exit codes.
+
+A command is a function decorated by :func:`command`. It takes a :class:`Job` beside its own
+options, works, and returns an :class:`Answer`. What is printed of it, and how a failure ends, is
+decided here, once.
+"""
+
+import functools
+import inspect
+import logging
+import os
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Concatenate, ParamSpec
+
+import typer
+
+from scene4d.cli.output import emit_json, say
+from scene4d.core.errors import OutputError, Scene4DError
+from scene4d.core.progress import Progress, Silent
+from scene4d.core.staging import ensure_folder
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+_DEBUG_VARIABLE = "SCENE4D_DEBUG"
+_DONE, _COULD_NOT, _WRONG_USAGE, _INTERRUPTED = 0, 1, 2, 130
+"""Exit codes. 130 is 128 + SIGINT, as shells count."""
+_TERMINATED = 143
+"""128 + SIGTERM."""
+
+P = ParamSpec("P")
+
+_Json = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON object to standard output, and nothing else."),
+]
+_Quiet = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Show errors alone: no progress, no warnings.")
+]
+_Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Tell what is done, and how long each stage took.")
+]
+
+
+class Terminated(KeyboardInterrupt):
+    """SIGTERM: the work ends as by Ctrl-C, so that nothing half-written is left."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command has to say: ``fields`` to programs, what ``show`` draws to people."""
+
+    fields: Mapping[str, Any]
+    show: Callable[[], None]
+    warnings: Sequence[str] = ()
+    """Of these ``show`` tells people."""
+    undetermined: str | None = None
+    """Why the work, though done, has no result: exit code 1."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """How a command was asked to talk."""
+
+    as_json: bool = False
+    quiet: bool = False
+
+    def progress(self) -> AbstractContextManager[Progress]:
+        """Who shows the progress of the command."""
+        from scene4d.cli.progress import shown
+
+        return nullcontext(Silent()) if self.quiet else shown()
+
+
+def command(
+    name: str,
+) -> Callable[[Callable[Concatenate[Job, P], Answer]], Callable[..., None]]:
+    """The command ``scene4d NAME``, with the options that all commands have."""
+
+    def decorated(work: Callable[Concatenate[Job, P], Answer]) -> Callable[..., None]:
+        @functools.wraps(work)
+        def run(
+            *args: Any,
+            as_json: bool = False,
+            quiet: bool = False,
+            verbose: bool = False,
+            **own: Any,
+        ) -> None:
+            with _Messages(quiet=quiet, verbose=verbose) as messages:
+                code = _run(
+                    name, lambda: work(Job(as_json, quiet), *args, **own), messages, as_json=as_json
+                )
+            if code != _DONE:
+                raise typer.Exit(code)
+
+        _add_options(run, work)
+        return run
+
+    return decorated
+
+
+def _add_options(run: Callable[..., None], work: Callable[..., Answer]) -> None:
+    """Typer reads a command's options from its signature."""
+    signature = inspect.signature(work)
+    _, *own = signature.parameters.values()
+    shared = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
+        for name, kind in (("as_json", _Json), ("quiet", _Quiet), ("verbose", _Verbose))
+    ]
+    run.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[*own, *shared], return_annotation=None
+    )
+    run.__annotations__ = {p.name: p.annotation for p in (*own, *shared)} | {"return": None}
+    del run.__wrapped__  # type: ignore[attr-defined]
+
+
+def _run(name: str, work: Callable[[], Answer], messages: "_Messages", *, as_json: bool) -> int:
+    """Do the work and tell the result, or what went wrong; the exit code."""
+    try:
+        answer = work()
+        if answer.undetermined is not None:
+            return _tell_undetermined(name, answer, messages, as_json=as_json)
+        if as_json:
+            emit_json(envelope(name, answer.fields, warnings=(*messages.heard, *answer.warnings)))
+        else:
+            answer.show()
+        return _DONE
+    except (typer.Exit, typer.BadParameter):
+        raise
+    except Scene4DError as error:
+        text = " ".join(str(error).split())
+        say(f"scene4d: error: {text}")
+        code, failure = _COULD_NOT, _failure(error.kind, text)
+    except KeyboardInterrupt as error:
+        ended = isinstance(error, Terminated)
+        kind, code = ("terminated", _TERMINATED) if ended else ("interrupted", _INTERRUPTED)
+        say(f"scene4d: {kind}")
+        failure = {"kind": kind, "message": f"the command was {kind}", "remedy": "run it again"}
+    except Exception as error:
+        code, failure = _COULD_NOT, _tell_defect(error)
+    if as_json:
+        with suppress(OutputError):
+            emit_json(envelope(name, {}, warnings=messages.heard, error=failure))
+    return code
+
+
+def _tell_undetermined(name: str, answer: Answer, messages: "_Messages", *, as_json: bool) -> int:
+    text = f"the camera is undetermined: {answer.undetermined}"
+    if as_json:
+        heard = (*messages.heard, *answer.warnings)
+        failure = _failure("undetermined", text)
+        emit_json(envelope(name, answer.fields, warnings=heard, error=failure))
+    else:
+        answer.show()
+    say(f"scene4d: error: {text}")
+    return _COULD_NOT
+
+
+def envelope(
+    name: str,
+    fields: Mapping[str, Any],
+    *,
+    warnings: Sequence[str] = (),
+    error: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """The one object of ``--json``: the same first four keys from every command, then its own."""
+    head = {
+        "schema": f"scene4d/{name}/1",
+        "version": version("scene4d"),
+        "warnings": list(dict.fromkeys(warnings)),
+        "error": error,
+    }
+    return head | {key: value for key, value in fields.items() if key not in head}
+
+
+def usage_envelope(name: str, message: str) -> dict[str, Any]:
+    """What ``--json`` prints where the options themselves are wrong."""
+    remedy = f"scene4d {name} --help".replace("  ", " ")
+    return envelope(name, {}, error={"kind": "usage", "message": message, "remedy": remedy})
+
+
+def _failure(kind: str, text: str) -> dict[str, Any]:
+    """An error for programs. By convention what comes after a message's last semicolon helps."""
+    _, semicolon, remedy = text.rpartition("; ")
+    return {"kind": kind, "message": text, "remedy": remedy if semicolon else None}
+
+
+def _tell_defect(error: Exception) -> dict[str, Any]:
+    what = " ".join(f"{type(error).__name__}: {error}".rstrip(": ").split())
+    say(f"scene4d: internal error: {what}")
+    remedy = (
+        "this is a defect of scene4d: please report it, with the command and what it prints with "
+        f"{_DEBUG_VARIABLE}=1"
+    )
+    if not os.environ.get(_DEBUG_VARIABLE):
+        say(f"scene4d: {remedy}")
+    else:
+        import platform
+        import traceback
+
+        say("".join(traceback.format_exception(error)).rstrip())
+        say(
+            f"scene4d {version('scene4d')}, Python {platform.python_version()}, "
+            f"{platform.platform()}"
+        )
+    return {"kind": "defect", "message": what, "remedy": remedy}
+
+
+class _Messages(logging.Handler):
+    """What the library logs and warns of: told on stderr while the command runs, and kept."""
+
+    def __init__(self, *, quiet: bool, verbose: bool) -> None:
+        super().__init__(logging.DEBUG if verbose else logging.WARNING)
+        self._quiet = quiet
+        self.heard: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Tell one message."""
+        text = record.getMessage()
+        if record.levelno < logging.WARNING:
+            say(f"scene4d: {text}")
+            return
+        self.heard.append(text)
+        if not self._quiet:
+            say(f"scene4d: warning: {text}")
+
+    def __enter__(self) -> "_Messages":
+        self._caught = warnings.catch_warnings()
+        self._caught.__enter__()
+        warnings.simplefilter("default", UserWarning)
+        warnings.showwarning = self._show
+        self._logger = logging.getLogger("scene4d")
+        self._before = self._logger.level, self._logger.propagate
+        self._logger.addHandler(self)
+        self._logger.setLevel(self.level)
+        self._logger.propagate = False
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: "TracebackType | None",
+    ) -> None:
+        self._logger.removeHandler(self)
+        level, self._logger.propagate = self._before
+        self._logger.setLevel(level)
+        self._caught.__exit__(kind, error, traceback)
+
+    def _show(self, message: Warning | str, *_: Any, **__: Any) -> None:
+        logging.getLogger("scene4d").warning("%s", message)
+
+
+@contextmanager
+def output_folder(out: Path | None) -> Iterator[None]:
+    """Make the folder before any work is done; if the work fails, take away what was made here.
+
+    Without a folder nothing is made. Raises :class:`OutputError` where it cannot be written.
+    """
+    if out is None:
+        yield
+        return
+    try:
+        made = [folder for folder in (out, *out.parents) if not folder.exists()]
+    except OSError as error:
+        raise OutputError(f"{out}: cannot be written: {error.strerror}") from error
+    try:
+        ensure_folder(out)
+        yield
+    except BaseException:
+        with suppress(OSError):  # not empty: somebody else uses it
+            for folder in made:
+                folder.rmdir()
+        raise
