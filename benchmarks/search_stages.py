@@ -22,8 +22,8 @@ from typing import Any  # noqa: E402
 IMPORTS = "start, import"
 STAGES = (
     ("scene4d.searching", "understand", "understand the words"),
-    ("scene4d.searching.loading", "lean_tracks", "read"),
-    ("scene4d.searching.finding", "staged_run", "read"),
+    ("scene4d.searching.entry", "lean_tracks", "read"),
+    ("scene4d.searching.entry", "staged_run", "read"),
     ("scene4d.searching.activities.search", "cast", "cast"),
     ("scene4d.searching.activities.search", "gather", "judge"),
     ("scene4d.searching.activities.search", "_align", "align"),
@@ -37,7 +37,6 @@ ALSO = (
     "duckdb",
     "scene4d.store.query",
     "scene4d.searching.language",
-    "scene4d.searching.pages.why",
     "scene4d.cli.app",
     "scene4d.cli.folder",
     "scene4d.cli.output",

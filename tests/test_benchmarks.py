@@ -12,9 +12,9 @@ import pytest
 from benchmarks import comparison, peers, scenes, search, search_peers, search_stages
 from benchmarks.peers import Method
 
-from scene4d import searching as finding
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
+from scene4d.searching import search as search_scene
 from scene4d.store.query import Scene
 
 ROOT = Path(__file__).parents[1]
@@ -128,7 +128,7 @@ def test_everybody_finds_who_enters(day: search.Day):
     entering = set(day.entering.items())
     assert len(entering) == 2
     scene = Scene.open(day.scene)
-    found = finding.search(scene, finding.understand(scene, search.WORDS)).events
+    found = search_scene(scene, search.WORDS).events
     roles = [one.event.roles for one in found]
     assert {(role["person"], role["vehicle"]) for role in roles} == entering
     near, *gone = [set(peer(day.scene)) for peer in search_peers.PEERS.values()]

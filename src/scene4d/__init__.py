@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from scene4d.core.orientation import Orientation as Orientation
     from scene4d.formats.cameras import read_camera as read_camera
     from scene4d.formats.cameras import write_camera as write_camera
+    from scene4d.searching import search as search
 
 _WHERE = {
     "Calibration": "scene4d.core.calibration",
@@ -24,6 +25,7 @@ _WHERE = {
     "Orientation": "scene4d.core.orientation",
     "calibrate": "scene4d.calibration.calibrating",
     "read_camera": "scene4d.formats.cameras",
+    "search": "scene4d.searching",
     "solve_camera": "scene4d.calibration",
     "write_camera": "scene4d.formats.cameras",
 }

@@ -115,8 +115,10 @@ def test_what_the_scorer_reads():
         ["a.avi", "b.avi"],
     )
     found = json.loads(json.dumps(found, allow_nan=False))
-    assert set(found) == {"filesProcessed", "activities"}
+    assert set(found) == {"filesProcessed", "processingReport", "activities"}
     assert found["filesProcessed"] == ["a.avi", "b.avi"]
+    done = {"status": "success", "message": ""}
+    assert found["processingReport"] == {"fileStatuses": {"a.avi": done, "b.avi": done}}
     for number, one in enumerate(found["activities"], start=1):
         assert set(one) == {"activity", "activityID", "presenceConf", "localization"}
         assert one["activityID"] == number
@@ -130,7 +132,11 @@ def test_what_the_scorer_reads():
 
 
 def test_nothing_found_is_a_result():
-    assert actev_json([], ["a.avi"]) == {"filesProcessed": ["a.avi"], "activities": []}
+    assert actev_json([], ["a.avi"]) == {
+        "filesProcessed": ["a.avi"],
+        "processingReport": {"fileStatuses": {"a.avi": {"status": "success", "message": ""}}},
+        "activities": [],
+    }
 
 
 @pytest.mark.parametrize(

@@ -1,36 +1,37 @@
 """Words in, events out: on scenes in which it is known what happens."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
 from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+import pyarrow
 import pytest
 
 import finding_scenes as scenes
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError, OutputError
 from scene4d.core.files import read_json
-from scene4d.core.progress import Silent
 from scene4d.core.tracks import Tracks
-from scene4d.searching import Asked, Search, search, understand
-from scene4d.searching.actev import actev_files, write_actev
+from scene4d.searching import Asked, SearchOptions, SearchResult, search, understand
 from scene4d.searching.activities import casting
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
 from scene4d.searching.activities.search import find
-from scene4d.searching.clock import reaches
-from scene4d.searching.footage import NoFootage, footage_of
+from scene4d.searching.asking import reaches
+from scene4d.searching.entry import lean_tracks, staged_run
 from scene4d.searching.language import Query, Window
-from scene4d.searching.loading import lean_tracks, staged_run
+from scene4d.searching.pages.footage import NoFootage, footage_of
 from scene4d.searching.places import Places
+from scene4d.searching.result import actev_files, clip_time
 from scene4d.searching.stages import stage_of
 from scene4d.searching.stages.staging import thinned
-from scene4d.searching.telling import clip_time, verdict
-from scene4d.searching.writing import write_search
 from scene4d.store.query import Scene
+from scene4d.store.runs import Run
 
 START = datetime(2026, 11, 20, 8, 0, 0, tzinfo=UTC)
 ENTERS = "person enters vehicle"
@@ -48,13 +49,12 @@ def footage(tmp_path_factory) -> Path:
     return scenes.write_footage(tmp_path_factory.mktemp("footage") / "gate.avi")
 
 
-def found(scene: Scene, words: str, **options):
-    asking = {key: options.pop(key) for key in ("catalogues", "zones") if key in options}
-    return search(scene, understand(scene, words, **asking), **options)
+def asked(scene: Scene, words: str, **options) -> Asked:
+    return understand(scene, words, SearchOptions(**options))
 
 
 def test_who_enters_the_car_is_found_once_where_and_when_it_is(gate):
-    done = found(gate, ENTERS)
+    done = search(gate, ENTERS)
     assert len(done.events) == 1
     one = done.events[0].to_dict()
     assert one["roles"] == {"person": scenes.PERSON, "vehicle": scenes.PARKED}
@@ -67,46 +67,122 @@ def test_who_enters_the_car_is_found_once_where_and_when_it_is(gate):
 
 
 def test_json_has_the_promised_keys_and_only_these(gate):
-    done = found(gate, ENTERS).to_dict()
+    done = search(gate, ENTERS).to_dict()
     assert set(done) == {"query", "predicates", "events"}
-    assert set(done["events"][0]) == {
-        "activity", "score", "begin_s", "end_s", "begin_frame", "end_frame", "camera", "roles",
-        "why",
+    (one,) = done["events"]
+    assert set(one) == {
+        "activity", "score", "probability", "begin_s", "end_s", "begin_time", "end_time",
+        "begin_frame", "end_frame", "camera", "run", "clip", "roles", "why", "notes",
     }  # fmt: skip
     assert done["query"] == ENTERS
     assert any(line.startswith("near(person, vehicle") for line in done["predicates"])
-    why = done["events"][0]["why"]
-    assert np.prod(list(why.values())) == pytest.approx(done["events"][0]["score"], rel=1e-6)
+    assert np.prod(list(one["why"].values())) == pytest.approx(one["score"], rel=1e-6)
+    assert (one["run"], one["clip"]) == ("morning", "morning")
+    assert one["probability"] is None
+    assert "not calibrated as a probability" in one["notes"][0]
     json.dumps(done, allow_nan=False)
 
 
+def test_times_of_day_are_iso_8601_where_the_start_is_known(gate, tmp_path):
+    one = search(gate, ENTERS).events[0].to_dict()
+    for end in ("begin", "end"):
+        assert one[f"{end}_time"].endswith("Z")
+        since = (datetime.fromisoformat(one[f"{end}_time"]) - START).total_seconds()
+        assert since == pytest.approx(one[f"{end}_s"], abs=1e-3)
+    scene = scenes.write_scene(tmp_path / "scene", [*scenes.people(), scenes.parked()])
+    unknown = search(scene, ENTERS).events[0].to_dict()
+    assert unknown["begin_time"] is None
+    assert unknown["end_time"] is None
+
+
+def test_one_search_takes_a_path_a_scene_or_several(tmp_path):
+    north = scenes.write_scene(tmp_path / "a", scenes.people(), run="a", camera="north")
+    south = scenes.write_scene(tmp_path / "b", scenes.people(), run="b", camera="south")
+
+    def tracks(scene):
+        done = search(scene, "two people meet", min_score=0.2)
+        return [(one.run.run, set(one.event.roles.values())) for one in done.events]
+
+    alone = tracks(str(north))
+    assert alone == [("a", {scenes.ONE, scenes.OTHER})]
+    assert tracks(north) == tracks(Scene.open(north)) == tracks([north]) == alone
+    both = tracks([north, south])
+    assert [run for run, _ in both] == ["a", "b"]
+    assert tracks([Scene.open(north), south]) == tracks([north, Scene.open(south)]) == both
+    assert both[1][1] == {10**9 + scenes.ONE, 10**9 + scenes.OTHER}
+    with pytest.raises(InputError, match="named twice"):
+        search([north, Scene.open(north)], "two people meet")
+
+
+def test_options_may_come_in_one_or_by_their_names(gate):
+    one = search(gate, "person moves", SearchOptions(min_score=0.4, top=1))
+    other = search(gate, "person moves", min_score=0.4, top=1)
+    assert one.asked.options == other.asked.options
+    assert one.to_dict() == other.to_dict()
+    with pytest.raises(TypeError, match="least"):
+        search(gate, "person moves", least=0.4)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"), [({"min_score": 1.5}, "min_score"), ({"top": 0}, "top")]
+)
+def test_options_that_cannot_be_are_refused_at_once(options, says):
+    with pytest.raises(InputError, match=says):
+        SearchOptions(**options)
+
+
+def test_tables_have_a_row_per_event_and_a_column_per_role(gate):
+    done = search(gate, "two people meet", min_score=0.01)
+    rows = done.to_dict()["events"]
+    assert len(rows) == len(done) > 0
+    frame = done.to_pandas()
+    roles = [role.name for role in done.asked.query.activity.roles]
+    for role in roles:
+        assert frame[role].tolist() == [row["roles"][role] for row in rows]
+    assert [json.loads(why) for why in frame["why"]] == [row["why"] for row in rows]
+    table = pyarrow.table(done)
+    assert table.column_names == list(frame.columns)
+    assert table["begin_s"].to_pylist() == [row["begin_s"] for row in rows]
+    assert table["begin_time"].to_pylist() == [row["begin_time"] for row in rows]
+    none = search(gate, "two people meet", min_score=1.0)
+    assert pyarrow.table(none).num_rows == len(none.to_pandas()) == 0
+
+
+def test_notebooks_show_a_table_and_a_plan(gate, tmp_path):
+    html = search(gate, ENTERS)._repr_html_()
+    assert ENTERS in html
+    assert f"<td>{scenes.PERSON}</td>" in html
+    assert html.count("<svg xmlns") == 1
+    assert "Nothing found" in search(gate, ENTERS, min_score=1.0)._repr_html_()
+
+
 def test_what_cannot_be_judged_is_null(gate):
-    done = found(gate, ENTERS)
+    done = search(gate, ENTERS)
     one = done.events[0]
     unknown = replace(one, event=replace(one.event, why={"p: arm_moving_up(person)": np.nan}))
     assert unknown.to_dict()["why"] == {"p: arm_moving_up(person)": None}
 
 
 def test_two_people_meet_where_they_do(gate):
-    best = found(gate, "two people meet").events[0].event
+    best = search(gate, "two people meet").events[0].event
     assert set(best.roles.values()) == {scenes.ONE, scenes.OTHER}
     assert 16 <= best.begin_s < 22 < best.end_s <= 28
 
 
 def test_events_are_ordered_and_all_above_the_least(gate):
-    some = found(gate, "person moves", min_score=0.3).events
+    some = search(gate, "person moves", min_score=0.3).events
     assert len(some) >= 3
     scores = [one.event.score for one in some]
     assert scores == sorted(scores, reverse=True)
     assert min(scores) >= 0.3
-    fewer = found(gate, "person moves", min_score=scores[1] - 1e-9).events
+    fewer = search(gate, "person moves", min_score=scores[1] - 1e-9).events
     # The last digits differ with what is left out on the way.
     kept = [one for one in some if one.event.score >= scores[1] - 1e-9]
     assert [one.event.roles for one in fewer] == [one.event.roles for one in kept]
 
 
 def test_only_the_best_know_what_was_around_them(gate):
-    done = found(gate, "person moves", keep=2)
+    done = search(gate, "person moves", top=2)
     assert [one.around is not None for one in done.events] == [True] * 2 + [False] * (
         len(done.events) - 2
     )
@@ -136,7 +212,7 @@ def test_nothing_is_missed_for_the_lean_rows(gate):
     """The same events as of everything that the scene holds, for every activity."""
     calibration = Calibration.load(gate.camera_file("gate"))
     whole = stage_of(gate.tracks(), calibration)
-    lean = staged_run(gate, gate.runs[0], calibration, Places(), with_keypoints=False)
+    lean = staged_run(asked(gate, ENTERS), gate.runs[0], calibration)
     for activity in load_catalogue().values():
         terms = [term for phase in activity.phases for term in phase.terms]
         if any("zone" in term.parameters for term in terms):
@@ -163,7 +239,7 @@ def test_runs_are_searched_apart_and_ranked_together(tmp_path):
     scenes.write_scene(folder, vague, run="first")
     scenes.write_scene(folder, everybody, run="second")
     scenes.write_scene(folder, scenes.people()[:1], run="third")
-    done = found(Scene.open(folder), ENTERS)
+    done = search(Scene.open(folder), ENTERS)
     assert [one.run.run for one in done.events] == ["second", "first"]
     assert done.events[0].event.score > done.events[1].event.score
     assert [run.run for run in done.runs] == ["first", "second"]  # the third has no vehicle
@@ -179,23 +255,23 @@ def test_tracks_drawn_twice_are_one_in_annotations(tmp_path):
         tmp_path / "drawn", everybody, provenance={"annotations": "day.geom.yml"}
     )
     seen = scenes.write_scene(tmp_path / "seen", everybody, provenance={"source": "day.mp4"})
-    assert len(found(Scene.open(drawn), ENTERS).events) == 1
-    assert len(found(Scene.open(seen), ENTERS).events) == 2
+    assert len(search(Scene.open(drawn), ENTERS).events) == 1
+    assert len(search(Scene.open(seen), ENTERS).events) == 2
 
 
 def test_nothing_found_says_how_much_was_looked_at(tmp_path):
     folder = scenes.write_scene(tmp_path / "scene", [scenes.people()[1], scenes.parked()])
-    done = found(Scene.open(folder), ENTERS, min_score=0.9)
+    done = search(Scene.open(folder), ENTERS, min_score=0.9)
     assert done.events == []
-    assert verdict(done) == (
+    assert done.verdict == (
         f"Nothing found in 1 clip of 1 camera: of {done.candidates} candidate "
         f"pair{'' if done.candidates == 1 else 's'} (person, vehicle) none scores 0.9 or more."
     )
-    any_at_all = found(Scene.open(folder), ENTERS, min_score=0.0)
+    any_at_all = search(Scene.open(folder), ENTERS, min_score=0.0)
     assert any_at_all.events == []
-    assert "none scores 0.001 or more" in verdict(any_at_all)
+    assert "none scores 0.001 or more" in any_at_all.verdict
     near = scenes.write_scene(tmp_path / "near", [scenes.people()[0], scenes.parked()])
-    assert found(Scene.open(near), ENTERS, min_score=1.0).candidates >= 1
+    assert search(Scene.open(near), ENTERS, min_score=1.0).candidates >= 1
 
 
 @pytest.mark.parametrize("least", [0.05, 1.0])
@@ -208,14 +284,14 @@ def test_a_run_is_cast_once_whether_anything_is_found_or_not(gate, monkeypatch, 
         return original(*arguments)
 
     monkeypatch.setattr(casting, "_ordered", counting)
-    assert bool(found(gate, ENTERS, min_score=least).events) == (least < 1)
+    assert bool(search(gate, ENTERS, min_score=least).events) == (least < 1)
     assert len(made) == 1
 
 
 def test_a_class_never_seen_is_an_error_that_says_what_is_there(tmp_path):
     folder = scenes.write_scene(tmp_path / "scene", scenes.people())
     with pytest.raises(InputError, match=r"has no car or .*'vehicle'.*there: person \(\d+ rows\)"):
-        understand(Scene.open(folder), ENTERS)
+        asked(Scene.open(folder), ENTERS)
 
 
 def test_an_empty_scene_is_an_error(tmp_path):
@@ -227,7 +303,7 @@ def test_an_empty_scene_is_an_error(tmp_path):
 
 def test_unknown_words_name_the_nearest(gate):
     with pytest.raises(InputError, match="vehicle"):
-        understand(gate, "person enters vehicel")
+        asked(gate, "person enters vehicel")
 
 
 @pytest.mark.parametrize(
@@ -239,7 +315,7 @@ def test_unknown_words_name_the_nearest(gate):
     ],
 )
 def test_times_of_day(gate, words, count):
-    done = found(gate, words)
+    done = search(gate, words)
     assert len(done.events) == count
     assert len(done.runs) == count  # what lies outside is not even read
     assert any("UTC" in note for note in done.asked.notes)
@@ -250,10 +326,10 @@ def test_a_time_of_day_needs_to_know_when_footage_began(tmp_path):
     everybody = [*scenes.people(), scenes.parked()]
     scenes.write_scene(folder, everybody, run="unknown")
     words = "person enters vehicle between 08:00 and 09:00"
-    with pytest.raises(InputError, match="--start"):
-        understand(Scene.open(folder), words)
+    with pytest.raises(InputError, match="track it again with its start"):
+        asked(Scene.open(folder), words)
     scenes.write_scene(folder, everybody, run="known", start=START)
-    done = found(Scene.open(folder), words)
+    done = search(Scene.open(folder), words)
     assert [one.run.run for one in done.events] == ["known"]
     assert any("1 of 2 clips are left out" in note for note in done.asked.notes)
 
@@ -277,16 +353,16 @@ def test_zones_are_those_of_the_file(gate, tmp_path):
     far = [[-30, 40], [-20, 40], [-20, 50], [-30, 50]]
     path = tmp_path / "places.json"
     path.write_text(json.dumps({"zones": {"bay": around_car, "field": far}}))
-    bay = found(gate, "person in zone bay", zones=path, min_score=0.3).events
+    bay = search(gate, "person in zone bay", zones=path, min_score=0.3).events
     assert {one.event.roles["person"] for one in bay} == {scenes.PERSON}
-    assert found(gate, "person in zone field", zones=path, min_score=0.3).events == []
+    assert search(gate, "person in zone field", zones=path, min_score=0.3).events == []
     with pytest.raises(InputError):
-        understand(gate, "person in zone bey", zones=path)
+        asked(gate, "person in zone bey", zones=path)
 
 
 def test_a_zone_of_the_catalogue_that_nobody_named(gate):
-    with pytest.raises(InputError, match="--zones"):
-        understand(gate, "person leaves through door")
+    with pytest.raises(InputError, match="pass it as zones"):
+        asked(gate, "person leaves through door")
 
 
 def test_a_place_of_one_camera_is_looked_for_there_alone(tmp_path):
@@ -296,10 +372,10 @@ def test_a_place_of_one_camera_is_looked_for_there_alone(tmp_path):
     corners = [[-3, 13], [3, 13], [3, 19], [-3, 19]]
     path = tmp_path / "places.json"
     path.write_text(json.dumps({"zones": {"bay": {"camera": "yard", "points": corners}}}))
-    one = found(Scene.open(folder), "person in zone bay", zones=path, min_score=0.3)
+    one = search(Scene.open(folder), "person in zone bay", zones=path, min_score=0.3)
     assert {event.run.camera for event in one.events} == {"yard"}
     path.write_text(json.dumps({"zones": {"bay": corners}}))
-    both = found(Scene.open(folder), "person in zone bay", zones=path, min_score=0.3)
+    both = search(Scene.open(folder), "person in zone bay", zones=path, min_score=0.3)
     assert {event.run.camera for event in both.events} == {"gate", "yard"}
     assert any("each of 2 cameras" in note for note in both.asked.notes)
 
@@ -310,7 +386,7 @@ def test_an_activity_of_ones_own(gate, tmp_path):
         "activities:\n  person_lurks:\n    phrases: [person lurks]\n    roles: {person: person}\n"
         '    phases:\n      - {name: lurks, lasts: [3, 60], holds: ["stationary(person)"]}\n'
     )
-    done = found(gate, "person lurks", catalogues=[path])
+    done = search(gate, "person lurks", catalogues=[path])
     assert {one.event.roles["person"] for one in done.events} == {scenes.ONE, scenes.OTHER}
 
 
@@ -318,7 +394,7 @@ def test_the_same_run_in_two_scenes_is_refused(tmp_path):
     first = scenes.write_scene(tmp_path / "a", scenes.people())
     second = Path(shutil.copytree(first, tmp_path / "b"))
     with pytest.raises(InputError, match="two of the scenes"):
-        found(Scene.open(first, second), "person moves")
+        search(Scene.open(first, second), "person moves")
 
 
 def test_keypoints_are_brought_where_they_are_asked_for(tmp_path):
@@ -328,35 +404,47 @@ def test_keypoints_are_brought_where_they_are_asked_for(tmp_path):
     )
     scene = Scene.open(scenes.write_scene(tmp_path / "scene", [rows]))
     calibration = Calibration.load(scene.camera_file("gate"))
-    with_them = staged_run(scene, scene.runs[0], calibration, Places(), with_keypoints=True)
+    with_them = staged_run(asked(scene, "person raises arm"), scene.runs[0], calibration)
     assert with_them.stage.tracks.keypoint_uv.shape[1] == 26
-    done = found(scene, "person raises arm", min_score=0.001)
+    done = search(scene, "person raises arm", min_score=0.001)
     assert done.rows == len(with_them.stage.tracks)
 
 
-def written(scene, out, footage=None, words=ENTERS, top=3):
-    done = found(scene, words, keep=top)
-    write_search(done, scene, out, Silent(), top=top, footage=footage, command="scene4d search")
+def written(scene, out, words=ENTERS, **options):
+    search(scene, words, **{"top": 3, **options}).save(out, command="scene4d search")
     return (out / "search.html").read_text()
 
 
-def test_the_page_without_footage_says_so(gate, tmp_path):
+def test_the_page_without_footage_says_so_and_where_to_get_it(gate, tmp_path):
     html = written(gate, tmp_path)
-    assert "No pictures." in html
+    assert "No pictures. The scene does not say what footage it was made of." in html
     assert "<video" not in html
-    assert html.count('class="above"') == 1
-    assert read_json(tmp_path / "events.json") == found(gate, ENTERS).to_dict()
+    assert html.count("<svg xmlns") == 1
+    assert '<pre class="understood" tabindex="0"' in html
     assert sorted(path.name for path in tmp_path.iterdir()) == ["events.json", "search.html"]
 
 
+def test_all_events_stand_beside_the_page_as_json_prints_them(gate, tmp_path):
+    done = search(gate, "person moves", top=1)
+    done.save(tmp_path / "new" / "folder")
+    values = read_json(tmp_path / "new" / "folder" / "events.json")
+    assert len(values["events"]) > 1
+    assert values == {
+        "schema": "scene4d/search/1",
+        "version": version("scene4d"),
+        "warnings": list(done.asked.notes),
+        "error": None,
+        **done.to_dict(),
+    }
+
+
 def test_the_page_has_clips_where_footage_is_given(gate, tmp_path, footage):
-    html = written(gate, tmp_path / "..", footage, words="person moves", top=2)
+    html = written(gate, tmp_path / "..", words="person moves", top=2, footage=footage)
     assert "The 2 best are shown." in html
     assert html.count("<video") == 2
     assert html.count("data:video/mp4;base64,") == 2
-    assert html.count('class="above"') == 2
-    assert "http://" not in html
-    assert "https://" not in html
+    assert html.count("<svg xmlns") == 2
+    assert not re.search(r'(src|href)="(?!data:|#)', html)
 
 
 def test_the_page_finds_the_footage_of_the_run(tmp_path, footage):
@@ -364,22 +452,22 @@ def test_the_page_finds_the_footage_of_the_run(tmp_path, footage):
     folder = scenes.write_scene(
         tmp_path / "scene", [*scenes.people(), scenes.parked()], provenance={"source": str(footage)}
     )
-    (tmp_path / "out").mkdir()
     assert "<video" in written(Scene.open(folder), tmp_path / "out")
     footage.unlink()
-    assert f"no longer at {footage}" in written(Scene.open(folder), tmp_path / "out")
+    html = written(Scene.open(folder), tmp_path / "out")
+    assert f"no longer at {footage}. Search again with footage, the file or the folder" in html
 
 
-def test_footage_that_is_not_there_is_an_error(gate, tmp_path):
-    with pytest.raises(InputError, match="no such footage"):
-        written(gate, tmp_path, tmp_path / "gone.mp4")
+def test_footage_that_is_not_there_is_an_error_before_anything_is_done(gate, tmp_path):
+    with pytest.raises(InputError, match=r"footage: .*gone\.mp4 does not exist"):
+        written(gate, tmp_path, footage=tmp_path / "gone.mp4")
     assert not (tmp_path / "search.html").exists()
 
 
 def test_footage_that_cannot_be_read_is_told_on_the_page(gate, tmp_path):
     broken = tmp_path / "broken.mp4"
     broken.write_text("no video")
-    assert "cannot be shown" in written(gate, tmp_path, broken)
+    assert "cannot be shown" in written(gate, tmp_path, footage=broken)
 
 
 def test_an_earlier_page_survives_a_failure(gate, tmp_path, monkeypatch):
@@ -388,17 +476,15 @@ def test_an_earlier_page_survives_a_failure(gate, tmp_path, monkeypatch):
     def fail(*_):
         raise OutputError("full")
 
-    monkeypatch.setattr("scene4d.searching.writing.search_html", fail)
+    monkeypatch.setattr("scene4d.searching.pages.page.search_html", fail)
     with pytest.raises(OutputError):
         written(gate, tmp_path)
     assert (tmp_path / "search.html").read_text() == "earlier"
     assert [path.name for path in tmp_path.iterdir()] == ["search.html"]
 
 
-def run_of(source: str | None, kind: str = "source"):
-    from scene4d.store.runs import Run
-
-    said = {} if source is None else {kind: source}
+def run_of(source: str | None, kind: str = "source", **more: str):
+    said = more if source is None else {kind: source, **more}
     return Run("r", "c", 0, False, 0, 0, 1, {"person": 1}, (), "scene4d", said)
 
 
@@ -416,6 +502,8 @@ def test_where_footage_is_looked_for(tmp_path):
     assert footage_of(run_of(None), clip, alone=True) == clip
     assert isinstance(footage_of(run_of(None), clip, alone=False), NoFootage)
     assert isinstance(footage_of(run_of(None), tmp_path, alone=True), NoFootage)
+    both = run_of(str(clip), annotations="/elsewhere/2018.G328.geom.yml")
+    assert footage_of(both, None, alone=False) == clip
     assert "stream" in footage_of(run_of("rtsp://gate/1"), None, alone=True).reason
 
 
@@ -424,10 +512,14 @@ def test_actev_names_every_clip_and_every_event(tmp_path):
     everybody = [*scenes.people(), scenes.parked()]
     scenes.write_scene(folder, everybody, run="a", provenance={"source": "/x/gate one.avi"})
     scenes.write_scene(folder, everybody, run="b", provenance={"annotations": "/x/b.geom.yml"})
-    done = found(Scene.open(folder), ENTERS)
-    write_actev(done, tmp_path / "out.json")
+    nobody = {"source": "/x/nobody.avi"}
+    scenes.write_scene(folder, scenes.people()[1:2], run="c", provenance=nobody)
+    done = search(folder, ENTERS)
+    assert [run.run for run in done.runs] == ["a", "b"]  # the third has no vehicle
+    done.save_actev(tmp_path / "out.json")
     values = read_json(tmp_path / "out.json")
-    assert values["filesProcessed"] == ["gate_one.avi", "b"]
+    assert values["filesProcessed"] == ["gate_one.avi", "b", "nobody.avi"]
+    assert set(values["processingReport"]["fileStatuses"]) == set(values["filesProcessed"])
     assert [one["activity"] for one in values["activities"]] == ["person_enters_vehicle"] * 2
     one, event = values["activities"][0], done.events[0]
     (signal,) = one["localization"].values()
@@ -449,18 +541,18 @@ def test_times_of_clips(seconds, text):
     assert clip_time(seconds) == text
 
 
-def test_three_roles_are_groups():
+def test_three_roles_are_groups(gate):
     roles = tuple(Role(name, ("person",)) for name in "abc")
     terms = (Term("near", ("a", "b")), Term("near", ("b", "c")))
     activity = Activity("x", roles, (Phase("p", terms),))
     query = Query("x", activity, [], None, [])
-    done = Search(Asked(query, Places(), ()), 0.5)
-    assert "0 candidate groups (a, b, c)" in verdict(done)
+    done = SearchResult(Asked(gate, query, SearchOptions(), Places(), ()))
+    assert "0 candidate groups (a, b, c)" in done.verdict
 
 
 def test_rows_need_no_order_in_the_files(tmp_path):
     rows = Tracks.concatenate([*scenes.people(), scenes.parked()])
     shuffled = rows.select(np.random.default_rng(0).permutation(len(rows)))
     folder = scenes.write_scene(tmp_path / "scene", [shuffled])
-    lean, _ = lean_tracks(Scene.open(folder))
+    lean, _ = lean_tracks(Scene.open(folder), 0.2)
     assert (np.lexsort([lean.time_s, lean.track]) == np.arange(len(lean))).all()

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 import finding_scenes as scenes
 from scene4d.core.tracks import Tracks
+from scene4d.searching import SearchOptions, understand
 from scene4d.searching.activities.events import Event
 from scene4d.searching.pages.clip import (
     CLIP_PX,
@@ -25,9 +26,12 @@ from scene4d.searching.pages.clip import (
     mp4,
     stills,
 )
-from scene4d.searching.pages.page import EventCard, SearchPage, search_html
-from scene4d.searching.pages.paths import draw_paths
-from scene4d.searching.pages.why import why_groups
+from scene4d.searching.pages.footage import NoFootage
+from scene4d.searching.pages.page import search_html
+from scene4d.searching.pages.plan import plan_svg
+from scene4d.searching.places import Place, Places
+from scene4d.searching.result import FoundEvent, SearchResult, why_groups
+from scene4d.store.query import Scene
 
 SIZE = (640, 480)
 THREE = scenes.people()[0].select(np.arange(3))
@@ -53,13 +57,21 @@ def crops(count: int, size=(120, 80)) -> tuple[Crop, ...]:
     return tuple(Crop(float(number), picture + 10 * number) for number in range(count))
 
 
-def card(**changes) -> EventCard:
-    given = {"missing": "It is gone.", **changes}
-    return EventCard(event(), "00:07.0 to 00:12.0", [("camera", "gate")], around(), **given)
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory) -> Scene:
+    everybody = [*scenes.people(), scenes.parked()]
+    return Scene.open(scenes.write_scene(tmp_path_factory.mktemp("page") / "scene", everybody))
 
 
-def page(*cards: EventCard, notes=()) -> str:
-    return search_html(SearchPage("a <b> & c", ["near(a, b)"], "1 event.", notes), cards)
+def found(scene, rows=None, **roles) -> FoundEvent:
+    return FoundEvent(event(**roles), scene.runs[0], 70, 120, around() if rows is None else rows)
+
+
+def page(scene, *clips: Clip | NoFootage, notes=()) -> str:
+    asked = understand(scene, "person enters vehicle", SearchOptions())
+    asked = replace(asked, query=replace(asked.query, text="a <b> & c"), notes=tuple(notes))
+    result = SearchResult(asked, [found(scene) for _ in clips], [scene.runs[0]])
+    return search_html(result, list(clips), "scene4d search")
 
 
 @given(
@@ -136,34 +148,55 @@ def test_the_bars_are_grouped_by_phase():
     ]
 
 
-def test_paths_show_each_role_in_its_colour():
-    content = draw_paths(around(), event())
-    picture = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
-    for colour in ((0x00, 0x9F, 0xE6), (0xE9, 0xB4, 0x56)):  # orange and blue, as BGR
-        assert (np.abs(picture.astype(int) - colour).max(axis=2) < 12).sum() > 60
-    assert draw_paths(around(), event()) == content
+def coordinates(svg: str, pattern: str) -> np.ndarray:
+    (text,) = re.findall(pattern, svg)
+    return np.array([pair.split(",") for pair in text.split()], float)
 
 
-def test_paths_show_the_places():
+def test_the_plan_shows_each_role_in_its_colour_where_it_went(scene):
+    svg = plan_svg(found(scene), Places())
+    person = coordinates(
+        svg, r'<polyline points="([^"]*)" fill="none" stroke="#E69F00" stroke-width="4"'
+    )
+    walked = scenes.people()[0].xy_m
+    # One scale, x to the right, y upwards.
+    moved = person[-1] - person[0]
+    scale = moved[0] / (walked[-1] - walked[0])[0]
+    assert 20 < scale < 60
+    np.testing.assert_allclose(moved, scale * (walked[-1] - walked[0]) * [1, -1], atol=0.2)
+    (x, y), size = re.findall(r'<rect x="([\d.]+)" y="([\d.]+)"', svg)[0], 10  # who stands
+    expected = person[0] + scale * (np.array(scenes.CAR) - walked[0]) * [1, -1]
+    np.testing.assert_allclose([float(x) + size / 2, float(y) + size / 2], expected, atol=0.3)
+    assert re.findall(r">([\d.]+ s)<", svg) == ["0 s", "2 s", "4 s"]
+    assert plan_svg(found(scene), Places()) == svg
+
+
+def test_the_plan_shows_the_places_of_its_camera(scene):
     bay = np.array([[-1.0, 13.0], [1.0, 13.0], [1.0, 16.0]])
-    plain = draw_paths(around(), event())
-    assert draw_paths(around(), event(), zones={"bay": bay}) != plain
-    assert draw_paths(around(), event(), lines={"gate": bay}) != plain
+    both = Places((Place("zone", "a <b>", bay), Place("line", "far", bay, "elsewhere")))
+    svg = plan_svg(found(scene), both)
+    assert "a &lt;b&gt;" in svg
+    assert "far" not in svg
+    (corners,) = re.findall(r'<polyline points="([^"]*)"[^>]*stroke-dasharray="5 3"', svg)
+    assert len(corners.split()) == 4  # closed
 
 
-def test_nobody_with_a_position_has_no_paths():
+def test_nobody_with_a_position_has_no_plan(scene):
     rows = around()
-    assert draw_paths(replace(rows, xy_m=np.full_like(rows.xy_m, np.nan)), event()) is None
-    assert draw_paths(rows, event(person=123)) is None
+    nowhere = replace(rows, xy_m=np.full_like(rows.xy_m, np.nan))
+    assert plan_svg(found(scene, nowhere), Places()) is None
+    assert plan_svg(found(scene, person=123), Places()) is None
+    assert plan_svg(replace(found(scene), around=None), Places()) is None
 
 
-def test_the_page_holds_everything_itself():
-    html = page(card(clip=Clip(crops(12), 10.0, 2.0)), card(), notes=["mind <this>"])
+def test_the_page_holds_everything_itself(scene):
+    gone = NoFootage("It is gone.")
+    html = page(scene, Clip(crops(12), 10.0, 2.0), gone, notes=["mind <this>"])
     assert html.count("data:video/mp4;base64,") == 1
-    assert html.count('class="above" src="data:image/png;base64,') == 2
+    assert html.count("<svg xmlns") == 2
     assert html.count("<figcaption>") == 4
     assert "2 times as fast" in html
-    assert html.count("It is gone.") == 1
+    assert html.count("No pictures. It is gone.") == 1
     assert "a &lt;b&gt; &amp; c" in html
     assert "mind &lt;this&gt;" in html
     assert not re.search(r'(src|href)="(?!data:|#)', html)
@@ -171,14 +204,14 @@ def test_the_page_holds_everything_itself():
     assert widths[:4] == [("", "90.0"), ("", "80.0"), (" unknown", "50.0"), ("", "70.0")]
 
 
-def test_nothing_found_is_a_page_too():
-    html = page()
-    assert "1 event." in html
+def test_nothing_found_is_a_page_too(scene):
+    html = page(scene)
+    assert "Nothing found in 1 clip" in html
     assert "<h2>Events</h2>" not in html
 
 
-def test_without_an_encoder_there_are_stills_and_it_is_said(monkeypatch):
+def test_without_an_encoder_there_are_stills_and_it_is_said(scene, monkeypatch):
     monkeypatch.setattr("scene4d.searching.pages.page.mp4", lambda *_: None)
-    html = page(card(clip=Clip(crops(4), 10.0)))
+    html = page(scene, Clip(crops(4), 10.0))
     assert "no encoder for H.264" in html
     assert "<video" not in html

@@ -11,7 +11,7 @@ from scene4d.cli.command import Answer, Job, command, output_folder
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from scene4d.searching import Asked, FoundEvent, Search
+    from scene4d.searching import Asked, FoundEvent, SearchResult
 
 _ASKED = "What is asked for"
 _RESULT = "What comes out"
@@ -47,7 +47,7 @@ def search(
             metavar="P",
             min=0.0,
             max=1.0,
-            help="Least probability of an event; less than 0.001 counts as 0.001.",
+            help="Least score of an event; less than 0.001 counts as 0.001.",
         ),
     ] = 0.05,
     catalogue: Annotated[
@@ -118,32 +118,20 @@ def search(
         )
     if footage is not None and out is None:
         raise typer.BadParameter("is for the page of --out", param_hint="--footage")
-    from scene4d import searching as finding
+    from scene4d.searching import SearchOptions, answer, understand
     from scene4d.store.query import Scene
 
-    scene = Scene.open(*scenes)
-    asked = finding.understand(scene, words, catalogues=catalogue or (), zones=zones)
+    options = SearchOptions(min_score, top, tuple(catalogue or ()), zones, footage)
+    asked = understand(Scene.open(*scenes), words, options)
     if not job.as_json:
         _show_understood(asked)
     with output_folder(out), job.progress() as progress:
-        done = finding.search(
-            scene,
-            asked,
-            min_score=min_score,
-            keep=0 if out is None else top,
-            progress=progress,
-        )
+        done = answer(asked, progress)
         if out is not None:
-            from scene4d.searching.writing import write_search
-
-            write_search(
-                done, scene, out, progress, top=top, footage=footage, command=command_line()
-            )
+            done.save(out, command=command_line(), progress=progress)
         if actev is not None:
-            from scene4d.searching.actev import write_actev
-
-            write_actev(done, actev)
-    return Answer(done.to_dict(), lambda: _show(done, top=top, out=out, actev=actev), asked.notes)
+            done.save_actev(actev)
+    return Answer(done.to_dict(), lambda: _show(done, out=out, actev=actev), asked.notes)
 
 
 def _show_understood(asked: "Asked") -> None:
@@ -160,15 +148,14 @@ def _show_understood(asked: "Asked") -> None:
         console.print()
 
 
-def _show(done: "Search", *, top: int, out: Path | None, actev: Path | None) -> None:
+def _show(done: "SearchResult", *, out: Path | None, actev: Path | None) -> None:
     from scene4d.cli.output import screen
-    from scene4d.searching.telling import verdict
 
-    shown = done.events[:top]
+    shown = done.shown
     with screen() as console:
         less = len(done.events) - len(shown)
         rest = f" The {len(shown)} best of them:" if less else ""
-        console.print(f"{verdict(done)}{rest}", style="bold", soft_wrap=True)
+        console.print(f"{done.verdict}{rest}", style="bold", soft_wrap=True)
         for number, found in enumerate(shown, 1):
             console.print()
             _show_event(console, number, found)
@@ -184,16 +171,15 @@ def _show_event(console: "Console", number: int, found: "FoundEvent") -> None:
     from rich.padding import Padding
     from rich.text import Text
 
-    from scene4d.searching.pages.why import why_groups
-    from scene4d.searching.telling import clip_name, when
+    from scene4d.searching.result import why_groups
 
     roles = ", ".join(f"{role} {track}" for role, track in found.event.roles.items())
     console.print(
-        f"{number:3d}  {found.event.score:.2f}  {when(found)}  camera {found.run.camera}",
+        f"{number:3d}  {found.event.score:.2f}  {found.when}  camera {found.run.camera}",
         style="bold",
         soft_wrap=True,
     )
-    console.print(f"     {roles}  in {clip_name(found.run)}", soft_wrap=True)
+    console.print(f"     {roles}  in {found.clip}", soft_wrap=True)
     for phase, terms in why_groups(found.event.why):
         said = ", ".join(f"{term} {value}" for term, value, _ in terms)
         line = f"{phase}: {said}" if phase else said

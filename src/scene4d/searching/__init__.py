@@ -1,6 +1,15 @@
 """``scene4d search``: words in, ranked events out."""
 
-from scene4d.searching.asking import Asked, understand
-from scene4d.searching.finding import FoundEvent, Search, search
+from scene4d.searching.asking import Asked, SearchOptions, understand
+from scene4d.searching.entry import answer, search
+from scene4d.searching.result import FoundEvent, SearchResult
 
-__all__ = ["Asked", "FoundEvent", "Search", "search", "understand"]
+__all__ = [
+    "Asked",
+    "FoundEvent",
+    "SearchOptions",
+    "SearchResult",
+    "answer",
+    "search",
+    "understand",
+]

@@ -1,4 +1,4 @@
-"""What a search asks for: words, read against a scene."""
+"""What a search asks for: words and options, read against a scene."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,11 +7,40 @@ from pathlib import Path
 from scene4d.core.errors import InputError
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.known import PREDICATES
+from scene4d.searching.activities.search import MIN_SCORE
 from scene4d.searching.activities.terms import nearest, places_of
-from scene4d.searching.clock import unknown_starts
-from scene4d.searching.language import Query, parse_query
+from scene4d.searching.language import Query, Window, parse_query
 from scene4d.searching.places import Places, read_places
 from scene4d.store.query import Scene
+from scene4d.store.runs import Run
+
+_DAY_S = 86_400.0
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """What a user may say about a search besides its words.
+
+    ``min_score`` is the least score of an event. ``top`` is how many events are shown, in pictures
+    and on the page; the result holds all. ``catalogues`` are YAML files of activities beside the
+    built-in ones, ``zones`` is a file of named zones and lines. ``footage`` is a file or a folder
+    in which to look for footage that is no longer where it was tracked.
+    """
+
+    min_score: float = MIN_SCORE
+    top: int = 10
+    catalogues: Sequence[str | Path] = ()
+    zones: str | Path | None = None
+    footage: str | Path | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work before any work is done; raises :class:`InputError`."""
+        if not 0 <= self.min_score <= 1:
+            raise InputError(f"min_score must lie between 0 and 1, found {self.min_score}")
+        if self.top < 1:
+            raise InputError(f"top must be at least 1, found {self.top}")
+        if self.footage is not None and not Path(self.footage).exists():
+            raise InputError(f"footage: {self.footage} does not exist")
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,40 +49,34 @@ class Asked:
     and ``notes``: the query's own, and those on how it meets this scene.
     """
 
+    scene: Scene
     query: Query
+    options: SearchOptions
     places: Places
     notes: tuple[str, ...]
 
 
-def understand(
-    scene: Scene, words: str, *, catalogues: Sequence[Path] = (), zones: Path | None = None
-) -> Asked:
-    """Read the words; nothing of the scene but its manifests is looked at.
+def understand(scene: Scene, words: str, options: SearchOptions) -> Asked:
+    """Read the words; of the scene only its manifests are looked at.
 
-    ``catalogues`` are files of activities beside the built-in ones, ``zones`` a file of places.
     Raises :class:`InputError` for words, files and places that are not understood, for a role that
-    nobody in the scene can play, and for a time of day where the footage's own is not known.
+    nobody in the scene can play, and for a time of day where that of the footage is unknown.
     """
-    places = Places() if zones is None else read_places(zones, scene.cameras)
-    query = parse_query(
-        words,
-        load_catalogue(*catalogues),
-        zones=places.names("zone"),
-        lines=places.names("line"),
-    )
+    places = Places() if options.zones is None else read_places(Path(options.zones), scene.cameras)
+    catalogue = load_catalogue(*map(Path, options.catalogues))
+    query = parse_query(words, catalogue, zones=places.names("zone"), lines=places.names("line"))
     _check_roles(scene, query)
-    used = _check_places(query, places)
+    used = _used(query, places)
+    named = Places(tuple(place for place in places.all if place.name in used))
     notes = [*query.notes]
-    shared = [name for name in places.shared if name in used]
-    if shared and len(scene.cameras) > 1:
+    if named.shared and len(scene.cameras) > 1:
         notes.append(
-            f"{', '.join(map(repr, shared))}: taken in the metres of each of {len(scene.cameras)} "
-            "cameras, since the file names none for it"
+            f"{', '.join(map(repr, named.shared))}: taken in the metres of each of "
+            f"{len(scene.cameras)} cameras, since the file names none for it"
         )
     if query.window is not None:
         notes += _check_window(scene, query)
-    named = Places(tuple(place for place in places.all if place.name in used))
-    return Asked(query, named, tuple(notes))
+    return Asked(scene, query, options, named, tuple(notes))
 
 
 def _check_roles(scene: Scene, query: Query) -> None:
@@ -67,7 +90,7 @@ def _check_roles(scene: Scene, query: Query) -> None:
             )
 
 
-def _check_places(query: Query, places: Places) -> set[str]:
+def _used(query: Query, places: Places) -> set[str]:
     """The names of the places that are asked for."""
     terms = [term for phase in query.activity.phases for term in phase.terms]
     used: set[str] = set()
@@ -77,24 +100,39 @@ def _check_places(query: Query, places: Places) -> set[str]:
             if name not in there:
                 raise InputError(
                     f"{query.text!r} asks for the {kind} {name!r}{nearest(name, there)}; name "
-                    "places in a file and give it as --zones FILE"
+                    "places in a file and pass it as zones"
                 )
             used.add(name)
     return used
 
 
 def _check_window(scene: Scene, query: Query) -> list[str]:
-    """Notes on the time of day. Raises where it is known of no run."""
-    unknown = unknown_starts(scene)
+    """Notes on the time of day; raises where that of no run is known."""
     runs = [run for run in scene.runs if run.rows]
-    if len(unknown) == len(runs):
+    unknown = sum(not run.start_known for run in runs)
+    if unknown == len(runs):
         raise InputError(
             f"{query.text!r} asks for a time of day, but when the footage began is not known: "
-            "track it again with --start, as 2026-11-20T08:00:00Z"
+            "track it again with its start, such as 2026-11-20T08:00:00Z"
         )
     notes = ["times of day are UTC; an event belongs to the time at which it begins"]
     if unknown:
-        notes.append(
-            f"{len(unknown)} of {len(runs)} clips are left out: when they began is not known"
-        )
+        notes.append(f"{unknown} of {len(runs)} clips are left out: their start is not known")
     return notes
+
+
+def reaches(run: Run, window: Window | None) -> bool:
+    """Whether anything in a run can begin in the window."""
+    if window is None:
+        return True
+    if not run.start_known or not run.parts:
+        return False
+    begin_s = min(part.begin_s for part in run.parts)
+    length_s = max(part.end_s for part in run.parts) - begin_s
+    first = second_of_day(run, begin_s)
+    return window.contains(first) or (window.begin_s - first) % _DAY_S <= length_s
+
+
+def second_of_day(run: Run, time_s: float) -> float:
+    """Seconds since midnight, UTC, of a run whose start is known."""
+    return (run.moment_ns(time_s) / 1e9) % _DAY_S

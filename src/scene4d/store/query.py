@@ -7,9 +7,9 @@ time that are asked for. So a month of a busy camera is never loaded for the sak
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from importlib import import_module
@@ -23,7 +23,7 @@ from jaxtyping import Float
 from scene4d.core.errors import InputError, UnavailableError
 from scene4d.core.files import read_json
 from scene4d.core.text import quoted
-from scene4d.core.tracks import Tracks
+from scene4d.core.tracks import CLASSES, Tracks
 from scene4d.store.runs import Part, Run, camera_path, complete_runs
 from scene4d.store.schema import COLUMN_NAMES, COLUMNS, KEYPOINT_COLUMNS, RUN_TRACKS, from_table
 
@@ -37,6 +37,12 @@ _ALONE: dict[str, Any] = {
 
 _Moment = datetime | float | int
 """A moment in UTC, or seconds from the start of a clip."""
+_Choice = Callable[[np.ndarray, np.ndarray], np.ndarray]
+"""Track and time of every row; answers the numbers of those wanted."""
+_LEFT_OUT = {
+    *("camera", "time", "class", "score", "shared_xx", "shared_xy", "shared_yy"),
+    *KEYPOINT_COLUMNS,
+}
 _Rectangle = tuple[float | int, float | int, float | int, float | int]
 """x0, y0, x1, y1 on the ground, in metres."""
 
@@ -82,28 +88,24 @@ class Scene:
         self._part_of = part_of
 
     @classmethod
-    def open(cls, *folders: str | os.PathLike[str]) -> "Scene":
-        """The complete runs in these folders.
+    def open(cls, *scenes: "str | os.PathLike[str] | Scene") -> "Scene":
+        """The complete runs in these folders, or of these scenes.
 
         Track numbers of the second folder and those behind it are raised, so that no two objects
         share one. Raises :class:`InputError` where there is no scene, one of another version, no
         row in all of them, or two calibrations under the name of one camera.
         """
-        paths = [Path(folder) for folder in folders]
-        if len({path.resolve() for path in paths}) < len(paths):
-            raise InputError(f"{', '.join(map(str, paths))}: a folder is named twice")
         stored: list[_Stored] = []
         offset = 0
-        for path in paths:
-            runs = complete_runs(path)
-            if not runs:
-                raise InputError(f"{path}: holds no scene: no complete run in its folder runs/")
-            stored += [_Stored(path, run, offset) for run in runs]
-            offset += runs[-1].track_base + RUN_TRACKS
-        if not any(one.run.rows for one in stored):
-            raise InputError(
-                f"{', '.join(map(str, paths))}: the scene is empty: nobody was tracked"
-            )
+        for one in scenes:
+            here = one._stored if isinstance(one, Scene) else _stored_in(Path(one))
+            stored += [replace(run, track_offset=run.track_offset + offset) for run in here]
+            offset += max(run.track_offset + run.run.track_base for run in here) + RUN_TRACKS
+        folders = ", ".join(dict.fromkeys(str(run.folder) for run in stored))
+        if len({(run.folder.resolve(), run.run.run) for run in stored}) < len(stored):
+            raise InputError(f"{folders}: a folder is named twice")
+        if not any(run.run.rows for run in stored):
+            raise InputError(f"{folders}: the scene is empty: nobody was tracked")
         _check_cameras(stored)
         return cls(stored)
 
@@ -192,6 +194,18 @@ class Scene:
         from scene4d.store.notebook import scene_html
 
         return scene_html(self)
+
+    def lean_tracks(self, choose: _Choice) -> Tracks:
+        """All tracks without keypoints, scores and shared covariances, which take most of the room
+        and time; of their rows those that ``choose`` picks, in its order, of (track, time_s).
+        """
+        kinds = " ".join(f"WHEN {_text(name)} THEN {code}" for code, name in enumerate(CLASSES))
+        names = [_with_nan(column) for column in COLUMNS if column.name not in _LEFT_OUT]
+        table = self.sql(
+            f"SELECT {', '.join(names)}, (CASE class {kinds} END)::TINYINT AS class FROM scene"
+        )
+        track, time_s = (np.asarray(table[name].to_numpy()) for name in ("track", "time_s"))
+        return from_table(table, choose(track, time_s))
 
     def sql(self, query: str) -> Table:
         """What DuckDB answers to a SELECT on the view ``scene``, which has all rows.
@@ -292,6 +306,13 @@ def _check_select(query: str) -> None:
         raise InputError(f"query: {error}") from error
     if [one.type for one in statements] != [duckdb.StatementType.SELECT]:
         raise InputError(f"query: found {quoted(query)}, expected one SELECT")
+
+
+def _stored_in(folder: Path) -> list[_Stored]:
+    runs = complete_runs(folder)
+    if not runs:
+        raise InputError(f"{folder}: holds no scene: no complete run in its folder runs/")
+    return [_Stored(folder, run, 0) for run in runs]
 
 
 def _check_cameras(stored: Sequence[_Stored]) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from arro3.core import Array, DataType, Field, Table, list_array, list_flatten, list_offsets
 from arro3.io import write_parquet
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from scene4d.core.errors import InputError
 from scene4d.core.tracks import CLASSES, Tracks
@@ -171,21 +171,31 @@ def with_keypoints(tracks: Tracks, k: int) -> Tracks:
     return replace(tracks, keypoint_uv=uv, keypoint_score=score)
 
 
-def from_table(table: Table) -> Tracks:
-    """Tracks of Arrow columns in which NaN stands for null again, and no list is null.
+def from_table(table: Table, rows: Int[np.ndarray, "m"] | None = None) -> Tracks:
+    """Tracks of Arrow columns in which NaN stands for null again, and no list is null: of the given
+    rows in their order, or of all.
 
-    Raises :class:`InputError` where rows have different skeletons. A row without keypoints gets
-    NaN for their places and 0 for their scores, covariances are symmetric.
+    What a table leaves out (shared covariances, scores, keypoints) is unknown. ``class`` may be
+    the class's place in :data:`CLASSES`. Raises :class:`InputError` where rows have different
+    skeletons. A row without keypoints gets NaN for their places and 0 for their scores, covariances
+    are symmetric.
     """
+    taken: Any = slice(None) if rows is None else rows
+    there = set(table.column_names)
     found = {
-        c.name: _numpy(table, c.name)
+        c.name: _numpy(table, c.name)[taken] if c.name in there else np.full(1, np.nan)
         for c in COLUMNS
         if c.name not in {"camera", "time", "class", *KEYPOINT_COLUMNS}
     }
-    u, v, score = (_lists(table, name) for name in KEYPOINT_COLUMNS)
+    n = len(found["track"])
+    found = {name: np.broadcast_to(values, n) for name, values in found.items()}
+    u, v, score = (
+        _lists(table, name)[taken] if name in there else np.zeros((n, 0))
+        for name in KEYPOINT_COLUMNS
+    )
     return Tracks(
         track=found["track"],
-        class_name=np.array(table["class"].to_pylist(), dtype=str),
+        class_name=_class_names(table, taken),
         time_s=found["time_s"],
         frame=found["frame"],
         xy_m=_vectors(found, "x_m", "y_m"),
@@ -201,6 +211,18 @@ def from_table(table: Table) -> Tracks:
         score=found["score"],
         observed=found["observed"],
     )
+
+
+def _class_names(table: Table, taken: Any) -> np.ndarray:
+    """The classes, in no more room than those that occur need."""
+    column = table["class"]
+    if column.type != DataType.int8():
+        return np.array(column.to_pylist(), dtype=str)[taken]
+    code = _numpy(table, "class")[taken]
+    there = np.flatnonzero(np.bincount(code, minlength=len(CLASSES)))
+    place = np.zeros(len(CLASSES), np.intp)
+    place[there] = np.arange(len(there))
+    return np.array([CLASSES[one] for one in there.tolist()], dtype=str)[place[code]]
 
 
 def _floats(tracks: Tracks) -> dict[str, np.ndarray]:
@@ -277,7 +299,8 @@ def _keypoints(tracks: Tracks) -> dict[str, Array]:
 
 def _numpy(table: Table, name: str) -> np.ndarray:
     if not table.num_rows:  # arro3 cannot join zero chunks
-        return np.zeros(0, {"track": np.int64, "frame": np.int64, "observed": bool}.get(name))
+        kinds = {"track": np.int64, "frame": np.int64, "observed": bool, "class": np.int8}
+        return np.zeros(0, kinds.get(name))
     return np.asarray(table[name].to_numpy())
 
 

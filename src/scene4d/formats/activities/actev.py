@@ -1,6 +1,7 @@
 """ActEV JSON: a system's output for NIST's ActEV_Scorer (protocols ActEV19_AD, ActEV_SDL_V2).
 
-``filesProcessed`` names every file that was searched, ``activities`` the instances: ``activity``,
+``filesProcessed`` names every file that was searched, ``processingReport`` says of each that it
+succeeded, ``activities`` are the instances: ``activity``,
 ``activityID`` from 1, ``presenceConf``, and ``localization``, which maps the file to a signal over
 its frames: 1 from the first frame on, 0 from the frame behind the last one.
 """
@@ -61,4 +62,9 @@ def actev_json(instances: Iterable[ActevInstance], files: Sequence[str]) -> dict
                 "localization": {one.file: signal},
             }
         )
-    return {"filesProcessed": list(files), "activities": activities}
+    statuses = {file: {"status": "success", "message": ""} for file in files}
+    return {
+        "filesProcessed": list(files),
+        "processingReport": {"fileStatuses": statuses},
+        "activities": activities,
+    }

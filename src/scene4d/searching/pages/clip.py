@@ -11,14 +11,16 @@ from jaxtyping import Float, UInt8
 
 from scene4d.core.tracks import Tracks
 from scene4d.searching.activities.events import Event
-from scene4d.searching.pages.look import role_colours
+from scene4d.searching.pages.plan import role_colours
 
 CLIP_PX = 400
 """Longest side of a clip."""
 _LEAST_PX = 96
-"""Less of the footage is never cut out: who is small is shown with what is about them."""
+"""A clip shows at least this much of the footage: who is small is shown with what is near."""
 _MARGIN = 0.35
+"""Share of the boxes' size around them; chosen by hand so that a car shows beside its driver."""
 _QUALITY, _STILL_QUALITY = "27", 80
+"""x264's CRF and JPEG's quality, chosen by hand: ten events take about 3 MB."""
 _Region = tuple[int, int, int, int]
 """x1, y1, x2, y2 in pixels of the footage; x2 and y2 are outside."""
 

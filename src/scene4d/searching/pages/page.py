@@ -1,97 +1,98 @@
-"""The page: what was understood, and a card for each event."""
+"""The page of a search: what was understood, and a card for each event; all events beside it."""
 
 import base64
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+import json
+from importlib.metadata import version
+from pathlib import Path
 
-import numpy as np
-from jaxtyping import Float
-
-from scene4d.core.tracks import Tracks
-from scene4d.searching.activities.events import Event
+from scene4d.core.files import write_bytes
+from scene4d.core.progress import Progress, timed
+from scene4d.core.staging import staged
+from scene4d.searching.language import explain
 from scene4d.searching.pages.clip import Clip, jpeg, mp4, stills
-from scene4d.searching.pages.look import role_colours
-from scene4d.searching.pages.why import why_groups
+from scene4d.searching.pages.footage import NoFootage, clips_of
+from scene4d.searching.pages.plan import plan_svg, role_colours
+from scene4d.searching.result import SEARCH_SCHEMA, FoundEvent, SearchResult, why_groups
 
+_PAGE, _EVENTS = "search.html", "events.json"
 _STILL_PX = 150
 
 
-@dataclass(frozen=True, eq=False)
-class EventCard:
-    """An event as the page shows it.
-
-    ``when`` says when it was, ``facts`` are further lines (name, value). ``clip`` are pictures, or
-    else ``missing`` says why there are none. ``around`` are the rows at about that time.
-    """
-
-    event: Event
-    when: str
-    facts: Sequence[tuple[str, str]]
-    around: Tracks
-    clip: Clip | None = None
-    missing: str = ""
-    zones: Mapping[str, Float[np.ndarray, "_ 2"]] = field(default_factory=dict)
-    lines: Mapping[str, Float[np.ndarray, "_ 2"]] = field(default_factory=dict)
+def write_page(result: SearchResult, out: Path, progress: Progress, command: str | None) -> Path:
+    """Write the page and ``events.json`` into a folder; see :meth:`SearchResult.save`."""
+    with timed(result.timings, "pictures"), progress.stage("Cutting out clips", None):
+        clips = clips_of(result)
+    with timed(result.timings, "page"), progress.stage("Writing the page", None):
+        html = search_html(result, clips, command)
+        out.mkdir(parents=True, exist_ok=True)
+        with staged(out, [_EVENTS], _PAGE) as folder:
+            write_bytes(folder / _EVENTS, events_json(result).encode())
+            write_bytes(folder / _PAGE, html.encode())
+    return out / _PAGE
 
 
-@dataclass(frozen=True)
-class SearchPage:
-    """What stands around the cards: the words, what was understood of them (lines), a sentence on
-    what was found, notes, where it comes from, and seconds by stage.
-    """
-
-    words: str
-    understood: Sequence[str]
-    verdict: str
-    notes: Sequence[str] = ()
-    provenance: Sequence[tuple[str, str]] = ()
-    timings: Mapping[str, float] = field(default_factory=dict)
+def events_json(result: SearchResult) -> str:
+    """What ``--json`` prints of the search: every event, and what it was understood as."""
+    head: dict[str, object] = {"schema": SEARCH_SCHEMA, "version": version("scene4d")}
+    head |= {"warnings": list(result.asked.notes), "error": None}
+    return json.dumps(head | result.to_dict(), indent=1, allow_nan=False) + "\n"
 
 
-def search_html(page: SearchPage, cards: Sequence[EventCard]) -> str:
-    """One HTML page with everything inside it."""
+def search_html(result: SearchResult, clips: list[Clip | NoFootage], command: str | None) -> str:
+    """One HTML page with everything inside it; ``clips`` belong to the events that are shown."""
     from scene4d.drawing.page import rendered, seconds_text
 
+    query = result.asked.query
+    fewer = len(result.shown) < len(result.events)
+    cards = zip(result.shown, clips, strict=True)
     return rendered(
         "scene4d.searching.pages",
         "search.html.j2",
         {
-            "words": page.words,
-            "understood": page.understood,
-            "verdict": page.verdict,
-            "found": bool(cards),
-            "notes": page.notes,
-            "cards": [_card(number, card) for number, card in enumerate(cards, 1)],
-            "provenance": page.provenance,
-            "timings": [(name, seconds_text(s)) for name, s in page.timings.items()],
+            "words": query.text,
+            "understood": explain(query.activity, query.window, ()),
+            "verdict": result.verdict
+            + (f" The {len(result.shown)} best are shown." if fewer else ""),
+            "notes": result.asked.notes,
+            "cards": [_card(n, result, found, clip) for n, (found, clip) in enumerate(cards, 1)],
+            "provenance": _provenance(result, command),
+            "timings": [(name, seconds_text(s)) for name, s in result.timings.items()],
         },
     )
 
 
-def _card(number: int, card: EventCard) -> dict[str, object]:
-    from scene4d.searching.pages.paths import draw_paths
+def _provenance(result: SearchResult, command: str | None) -> list[tuple[str, str]]:
+    there = sum(run.rows > 0 for run in result.asked.scene.runs)
+    rows = [
+        ("Clips searched", f"{len(result.runs)} of {there}"),
+        ("Cameras", ", ".join(sorted({run.camera for run in result.runs})) or "none"),
+        ("Rows searched", f"{result.rows:,}"),
+        ("Least score", f"{result.least_score:g}"),
+        ("All events", _EVENTS),
+        ("scene4d", version("scene4d")),
+    ]
+    return rows if command is None else [*rows, ("Command", command)]
 
-    event = card.event
-    above = draw_paths(card.around, event, card.zones, card.lines)
-    colours = role_colours(event.roles)
+
+def _card(
+    number: int, result: SearchResult, found: FoundEvent, clip: Clip | NoFootage
+) -> dict[str, object]:
+    colours = role_colours(found.event.roles)
     return {
+        **found.to_dict(),
         "number": number,
-        "activity": event.activity,
-        "score": f"{event.score:.2f}",
-        "mean": f"{event.mean_score:.2f}",
-        "when": card.when,
-        "facts": card.facts,
-        "roles": [(role, track, colours[role]) for role, track in event.roles.items()],
-        "above": None if above is None else _uri("image/png", above),
-        "why": why_groups(event.why),
-        "missing": card.missing,
-        **_pictures(card.clip),
+        "when": found.when,
+        "mean": found.event.mean_score,
+        "players": [(role, track, colours[role]) for role, track in found.event.roles.items()],
+        "plan": plan_svg(found, result.asked.places),
+        "why": why_groups(found.event.why),
+        **_pictures(clip),
     }
 
 
-def _pictures(clip: Clip | None) -> dict[str, object]:
-    if clip is None:
-        return {"video": None, "poster": None, "stills": [], "faster": ""}
+def _pictures(clip: Clip | NoFootage) -> dict[str, object]:
+    if isinstance(clip, NoFootage):
+        return {"stills": [], "missing": clip.reason}
     video = mp4(clip.crops, clip.rate_hz)
     height, width = clip.crops[0].image_bgr.shape[:2]
     middle = clip.crops[len(clip.crops) // 2]

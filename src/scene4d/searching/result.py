@@ -1,0 +1,281 @@
+"""What a search found: events as objects, tables, JSON, ActEV and, in notebooks, with a picture."""
+
+import json
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from html import escape
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING, Any
+
+from scene4d.core.errors import UnavailableError
+from scene4d.core.files import write_json
+from scene4d.core.progress import Progress, Silent
+from scene4d.core.tracks import Tracks
+from scene4d.searching.activities.events import Event
+from scene4d.searching.activities.search import LEAST_SCORE
+from scene4d.searching.asking import Asked, reaches
+from scene4d.store.runs import Run
+
+if TYPE_CHECKING:
+    from arro3.core import Table
+
+SEARCH_SCHEMA = "scene4d/search/1"
+"""Name and version of ``events.json``, and of what ``--json`` prints."""
+NOT_CALIBRATED = "the score ranks events; for this activity it is not calibrated as a probability"
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_KPF = (".geom.yml", ".types.yml")
+_REFUSED_BY_SCORER = re.compile(r"[^A-Za-z0-9_\-.]")
+
+
+@dataclass(frozen=True, eq=False)
+class FoundEvent:
+    """An event, the run that it is in, and its first and last frame.
+
+    ``around`` are everybody's rows at about that time, at the rate that was searched; None for
+    events that are not shown.
+    """
+
+    event: Event
+    run: Run
+    begin_frame: int
+    end_frame: int
+    around: Tracks | None = None
+
+    @property
+    def clip(self) -> str:
+        """The file that the run was made of, without folders; of annotations without ending."""
+        return clip_name(self.run)
+
+    @property
+    def when(self) -> str:
+        """The time on the clock (UTC) where it is known, and in the clip."""
+        clip = f"{clip_time(self.event.begin_s)} to {clip_time(self.event.end_s)}"
+        began = self._moment(self.event.begin_s)
+        return clip if began is None else f"{began:%Y-%m-%d %H:%M:%S} UTC, clip {clip}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The event as ``--json``, ``events.json`` and the page have it: times of day in ISO 8601
+        (UTC), null where the clip's start is not known; null also for a predicate that could not be
+        judged.
+        """
+        event = self.event
+        begin, end = self._moment(event.begin_s), self._moment(event.end_s)
+        return {
+            "activity": event.activity,
+            "score": event.score,
+            "probability": None,
+            "begin_s": event.begin_s,
+            "end_s": event.end_s,
+            "begin_time": None if begin is None else _iso(begin),
+            "end_time": None if end is None else _iso(end),
+            "begin_frame": self.begin_frame,
+            "end_frame": self.end_frame,
+            "camera": self.run.camera,
+            "run": self.run.run,
+            "clip": self.clip,
+            "roles": dict(event.roles),
+            "why": {key: None if math.isnan(p) else p for key, p in event.why.items()},
+            "notes": [NOT_CALIBRATED],
+        }
+
+    def _moment(self, time_s: float) -> datetime | None:
+        if not self.run.start_known:
+            return None
+        return _EPOCH + timedelta(microseconds=round(self.run.moment_ns(time_s) / 1000))
+
+
+@dataclass
+class SearchResult:
+    """What was asked for, and the events, best first; the runs that were searched, their rows, and
+    how many casts (pairs of a person and a vehicle, say) were judged where no event was found.
+    """
+
+    asked: Asked
+    events: list[FoundEvent] = field(default_factory=list)
+    runs: list[Run] = field(default_factory=list)
+    rows: int = 0
+    candidates: int = 0
+    timings: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def shown(self) -> list[FoundEvent]:
+        """The best events, as many as ``top`` says."""
+        return self.events[: self.asked.options.top]
+
+    @property
+    def least_score(self) -> float:
+        """What an event must score: ``min_score``, and :data:`LEAST_SCORE` where that is less."""
+        return max(self.asked.options.min_score, LEAST_SCORE)
+
+    @property
+    def verdict(self) -> str:
+        """One sentence: how many events in how many clips, or how much was looked at in vain."""
+        clips = _count(len(self.runs), "clip")
+        where = f"{clips} of {_count(len({run.camera for run in self.runs}), 'camera')}"
+        if self.events:
+            return f"{_count(len(self.events), 'event')} in {where}."
+        roles = [role.name for role in self.asked.query.activity.roles]
+        what = {1: "track", 2: "pair"}.get(len(roles), "group")
+        return (
+            f"Nothing found in {where}: of {_count(self.candidates, f'candidate {what}')} "
+            f"({', '.join(roles)}) none scores {self.least_score:g} or more."
+        )
+
+    def __len__(self) -> int:
+        return len(self.events)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What was asked for and every event, ready for ``json.dumps``."""
+        return {
+            "query": self.asked.query.text,
+            "predicates": list(self.asked.query.predicates),
+            "events": [found.to_dict() for found in self.events],
+        }
+
+    def _columns(self) -> dict[str, tuple[str, list[Any]]]:
+        """Name, Arrow type and values of the table's columns; a role's column has its track."""
+        rows = [found.to_dict() for found in self.events]
+        plain = {"activity": "utf8", "score": "float64", "probability": "float64"}
+        plain |= {"begin_s": "float64", "end_s": "float64"}
+        plain |= {"begin_time": "utf8", "end_time": "utf8", "begin_frame": "int64"}
+        plain |= {"end_frame": "int64", "camera": "utf8", "run": "utf8", "clip": "utf8"}
+        columns = {name: (kind, [row[name] for row in rows]) for name, kind in plain.items()}
+        for role in self.asked.query.activity.roles:
+            columns[role.name] = ("int64", [row["roles"][role.name] for row in rows])
+        columns["why"] = ("utf8", [json.dumps(row["why"]) for row in rows])
+        return columns
+
+    def to_arrow(self) -> "Table":
+        """The events as an Arrow table, a row each; ``why`` is JSON."""
+        from arro3.core import Array, DataType, Table
+
+        return Table.from_pydict(
+            {
+                name: Array(values, getattr(DataType, kind)())
+                for name, (kind, values) in self._columns().items()
+            }
+        )
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        return self.to_arrow().__arrow_c_stream__(requested_schema)
+
+    def to_pandas(self) -> Any:
+        """The events as a pandas DataFrame; needs pandas."""
+        try:
+            import pandas as pd  # type: ignore[import-untyped]
+        except ImportError as error:
+            raise UnavailableError("to_pandas needs pandas: pip install pandas") from error
+        return pd.DataFrame({name: values for name, (_, values) in self._columns().items()})
+
+    def _repr_html_(self) -> str:
+        """The best events as a table, and the very best in a plan."""
+        from scene4d.searching.pages.plan import plan_svg
+
+        roles = [role.name for role in self.asked.query.activity.roles]
+        head = "".join(f"<th>{escape(name)}</th>" for name in ("score", "when", "camera", *roles))
+        rows = "".join(
+            f"<tr><td>{found.event.score:.2f}</td><td>{escape(found.when)}</td>"
+            f"<td>{escape(found.run.camera)}</td>"
+            + "".join(f"<td>{found.event.roles[role]}</td>" for role in roles)
+            + "</tr>"
+            for found in self.shown
+        )
+        table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+        plan = plan_svg(self.shown[0], self.asked.places) if self.shown else None
+        title = f"<p><b>{escape(self.asked.query.text)}</b>: {escape(self.verdict)}</p>"
+        return title + (table if self.shown else "") + (plan or "")
+
+    def save(
+        self,
+        out: str | Path,
+        *,
+        command: str | None = None,
+        progress: Progress | None = None,
+    ) -> Path:
+        """Write ``search.html``, a page with clips and plans of the best events, and
+        ``events.json`` with all; the page's path. ``command`` is shown as where it comes from.
+
+        Raises :class:`OutputError` where ``out`` cannot be written; an earlier result stays then.
+        """
+        from scene4d.searching.pages.page import write_page
+
+        return write_page(self, Path(out), progress or Silent(), command)
+
+    def save_actev(self, path: str | Path) -> None:
+        """Write all events as NIST's ActEV_Scorer reads them, under the names that MEVA gives
+        activities where it gives one; files are named as the footage. Raises :class:`OutputError`.
+        """
+        from scene4d.formats.activities import ActevInstance, actev_json
+
+        asked = self.asked
+        searched = [run for run in asked.scene.runs if reaches(run, asked.query.window)]
+        names = actev_files(searched)
+        labels = asked.query.activity.labels
+        instances = [
+            ActevInstance(
+                labels[0] if labels else found.event.activity,
+                names[found.run.run],
+                found.begin_frame,
+                found.end_frame,
+                found.event.score,
+            )
+            for found in self.events
+        ]
+        write_json(path, actev_json(instances, list(names.values())))
+
+
+def clip_name(run: Run) -> str:
+    """The file that a run was made of, without folders; of annotations without their ending."""
+    source = run.provenance.get("source") or run.provenance.get("annotations")
+    if not isinstance(source, str) or "://" in source:
+        return run.run
+    name = PurePath(source).name
+    ending = next((end for end in _KPF if name.endswith(end)), "")
+    return name.removesuffix(ending)
+
+
+def clip_time(seconds: float) -> str:
+    """``01:02:03.4``, with hours where there are any."""
+    tenths = round(10 * seconds)
+    minutes, tenths = divmod(tenths, 600)
+    hours, minutes = divmod(minutes, 60)
+    text = f"{minutes:02d}:{tenths // 10:02d}.{tenths % 10}"
+    return f"{hours}:{text}" if hours else text
+
+
+def why_groups(why: Mapping[str, float]) -> list[tuple[str, list[tuple[str, str, float]]]]:
+    """Predicates by phase, as (name, value in words, value for a bar)."""
+    groups: dict[str, list[tuple[str, str, float]]] = {}
+    for key, value in why.items():
+        phase, colon, term = key.partition(": ")
+        name = term if colon else phase
+        unknown = math.isnan(value)
+        text = "cannot be judged, counts ½" if unknown else f"{value:.2f}"
+        groups.setdefault(phase if colon else "", []).append(
+            (name, text, 0.5 if unknown else value)
+        )
+    return list(groups.items())
+
+
+def actev_files(runs: list[Run]) -> dict[str, str]:
+    """A name for each run's footage that the scorer takes: characters that it refuses become
+    ``_``, and runs that would share one are named by themselves, which differ.
+    """
+    names = {run.run: _REFUSED_BY_SCORER.sub("_", clip_name(run)) for run in runs}
+    count = Counter(names.values())
+    return {
+        run: _REFUSED_BY_SCORER.sub("_", run) if count[name] > 1 else name
+        for run, name in names.items()
+    }
+
+
+def _iso(moment: datetime) -> str:
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number:,} {what}{'' if number == 1 else 's'}"
