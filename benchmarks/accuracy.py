@@ -20,7 +20,7 @@ from scene4d import calibrate
 from scene4d.calibration import CalibrateOptions
 from scene4d.core.calibration import Calibration
 from scene4d.core.orientation import Orientation
-from scene4d.evaluation import PUBLISHED, Reference, near_figures, pets, towncentre
+from scene4d.evaluation import PUBLISHED, Reference, pets, towncentre
 from scene4d.video.reader import open_source
 from scene4d.video.undistort import Undistorter
 
@@ -42,7 +42,7 @@ class Row:
             return [self.case, self.given, "refused", *[""] * 5]
         error = self.reference.score(camera, undistorted=self.undistorted)
         predicted = self.reference.predicted_m(self.result, undistorted=self.undistorted)
-        near = near_figures(self.reference.near(self.result, undistorted=self.undistorted))
+        near = self.reference.near(self.result, undistorted=self.undistorted).to_dict()
         return [
             self.case,
             self.given,

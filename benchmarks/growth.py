@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.scenes import CAMERAS, draw_people
 from benchmarks.tables import Rows
 from scene4d import solve_camera
-from scene4d.evaluation import near_pairs
+from scene4d.evaluation.measures.near import near_pairs
 from scene4d.perception.detectors.tiles import choose_tiles
 from scene4d.perception.detectors.yolox import YoloxDetector
 from scene4d.perception.keypoints import KeypointEstimator
@@ -124,10 +124,11 @@ def pairs(counts: Sequence[int]) -> tuple[Rows, list[Curve]]:
     places, places_xy = feet[:PLACES], xy[:PLACES]
     rows, seconds = [["people", "pairs", "time"]], []
     for n in counts:
-        apart = np.linalg.norm(xy[:n, None] - places_xy[None], axis=2)
+        pairs = np.indices((n, PLACES)).reshape(2, -1).T
+        apart = np.linalg.norm(xy[pairs[:, 0]] - places_xy[pairs[:, 1]], axis=1)
 
-        def expected(n: int = n, apart: np.ndarray = apart) -> object:
-            return near_pairs(found, feet[:n], places, apart).expected()
+        def expected(n: int = n, pairs: np.ndarray = pairs, apart: np.ndarray = apart) -> object:
+            return near_pairs(found, feet[:n], places, pairs, apart).readings()["expected"]
 
         expected()
         seconds.append(median_seconds(expected, 5))

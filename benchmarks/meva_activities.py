@@ -15,16 +15,15 @@ from dataclasses import replace
 from pathlib import Path
 
 from scene4d.core.progress import Silent
-from scene4d.evaluation.activity_evaluation import FALSE_PER_MINUTE
-from scene4d.evaluation.activity_scores import average_precision, det_curve
-from scene4d.evaluation.trials.meva import (
+from scene4d.evaluation.datasets.meva import meva_clips
+from scene4d.evaluation.options import TUNED
+from scene4d.evaluation.trials.activities import (
+    FALSE_PER_MINUTE,
     METHODS,
     METRES_PER_PX,
     OURS,
     PIXELS,
-    TUNED,
     labelled_activities,
-    meva_clips,
     ranked_by,
     seen_by,
 )
@@ -72,12 +71,12 @@ def show(clips, activities, methods) -> None:
         cells = [str(sum(len(clip.label_s(activity.labels)) for clip in clips))]
         for title, (method, seen) in ways.items():
             ranked = ranked_by(method, clips, seen, activity)
-            found = None if ranked is None else average_precision(ranked)
+            found = None if ranked is None else ranked.average_precision
             if found is None:
                 cells.append(f"{title} -")
                 continue
             means.setdefault(title, []).append(found)
-            missed = [f"{det_curve(ranked).missed_at(rate):.2f}" for rate in FALSE_PER_MINUTE]
+            missed = [f"{ranked.det.missed_at(rate):.2f}" for rate in FALSE_PER_MINUTE]
             cells.append(f"{title} {found:.2f} ({' '.join(missed)})")
         print(f"{name:26s} {'  '.join(cells)}", flush=True)
     print("mean", "  ".join(f"{title} {sum(v) / len(v):.3f}" for title, v in means.items()))

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from scene4d.evaluation.activity_evaluation import ActivityEvaluation, ActivityOutcome, Method
-from scene4d.evaluation.activity_scores import Ranked
+from scene4d.evaluation.measures.events import Ranked
+from scene4d.evaluation.trials.activities import ActivityEvaluation, ActivityOutcome, Method
 
 METHODS = (Method("metres", "on the ground"), Method("pixels", "a < b"), Method("near", "P(near)"))
 NOTES = ("Tracks are annotated, not detected.", "Only actors of labelled activities are boxed.")

@@ -12,13 +12,13 @@ from scene4d.core.camera import Camera
 from scene4d.core.ground_map import GroundMap
 from scene4d.core.people import Segments
 from scene4d.drawing.scenery import image_of, in_frame
-from scene4d.evaluation import PAPER_HEIGHTS_M, Evaluation, Outcome, Published, Reference, Setting
-from scene4d.evaluation.pages import draw_evaluation
+from scene4d.evaluation import Reference
+from scene4d.evaluation.pages.page import draw_evaluation
+from scene4d.evaluation.trials.outcomes import PAPER_HEIGHTS_M, Evaluation, Outcome, Setting
 
 HEIGHTS = tuple(sorted({*PAPER_HEIGHTS_M, 1.70}))
 PAPER = Setting("drawn boxes", "paper", "true orientation")
 JOINT = Setting("keypoints <video>", "joint", "nothing")
-PUBLISHED = Published(1.18, 0.67, 1.8288, 0.98, 1.7018, 1000)
 TOLD = np.diag([0.0, 0.0, 0.0, 0.02, 0.0]) ** 2
 
 
@@ -106,9 +106,8 @@ def evaluation(known: Reference, **changes: Any) -> Evaluation:
     circular = Setting("published boxes", "joint", "lens", circular=True)
     boxes = Setting("drawn boxes", "joint", "nothing")
     values: dict[str, Any] = {
-        "name": "pets",
+        "name": "towncentre",
         "reference": known,
-        "published": PUBLISHED,
         "image_bgr": picture(),
         "notes": ("the network <is> missing",),
     }

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 from sklearn.metrics import average_precision_score
 
 from scene4d.core.errors import InputError
-from scene4d.evaluation.activity_matching import matched, may_match, scaled
-from scene4d.evaluation.activity_scores import (
+from scene4d.evaluation.measures.events import (
     ClipEvents,
     DetCurve,
     Ranked,
-    average_precision,
-    det_curve,
+    matched,
+    may_match,
+    scaled,
 )
 
 NONE = np.zeros((0, 2))
@@ -114,11 +114,11 @@ HAND = Ranked(SCORE, CORRECT, 10, 100.0)
 
 
 def test_average_precision_by_hand():
-    assert average_precision(HAND) == pytest.approx((1 + 1 + 3 / 5 + 4 / 6 + 5 / 9) / 10)
+    assert HAND.average_precision == pytest.approx((1 + 1 + 3 / 5 + 4 / 6 + 5 / 9) / 10)
 
 
 def test_the_det_curve_by_hand():
-    curve = det_curve(HAND)
+    curve = HAND.det
     np.testing.assert_allclose(curve.false_per_minute, [0, 0, 0.01, 0.02, 0.02, 0.03, 0.04, 0.04])
     np.testing.assert_allclose(curve.missed, [0.9, 0.8, 0.8, 0.7, 0.6, 0.6, 0.6, 0.5])
 
@@ -138,28 +138,28 @@ def test_the_det_curve_by_hand():
     ],
 )
 def test_misses_at_a_rate_by_hand(rate, missed):
-    assert det_curve(HAND).missed_at(rate) == pytest.approx(missed)
+    assert HAND.det.missed_at(rate) == pytest.approx(missed)
 
 
 def test_a_curve_that_begins_with_false_alarms():
     # Both ties in one point: a rate of 0.5 a minute; left of it nothing is found.
     ranked = Ranked(np.array([0.9, 0.9, 0.1]), np.array([True, False, True]), 4, 2.0)
-    curve = det_curve(ranked)
+    curve = ranked.det
     assert curve.missed_at(0.49) == 1.0
     assert curve.missed_at(0.5) == 0.5
-    assert det_curve(Ranked(np.zeros(0), np.zeros(0, bool), 4, 2.0)).missed_at(0.15) == 1.0
+    assert Ranked(np.zeros(0), np.zeros(0, bool), 4, 2.0).det.missed_at(0.15) == 1.0
     assert isinstance(curve, DetCurve)
 
 
 def test_nothing_labelled_is_no_number():
     ranked = Ranked(np.array([0.5]), np.array([False]), 0, 5.0)
-    assert average_precision(ranked) is None
-    assert det_curve(ranked) is None
+    assert ranked.average_precision is None
+    assert ranked.det is None
 
 
 def test_nothing_found_is_the_worst():
     ranked = Ranked(np.zeros(0), np.zeros(0, bool), 3, 5.0)
-    assert average_precision(ranked) == 0.0
+    assert ranked.average_precision == 0.0
 
 
 @given(
@@ -172,7 +172,7 @@ def test_average_precision_as_scikit_learn(events, never_found):
     found = int(correct.sum())
     if not found:
         return
-    ours = average_precision(Ranked(score, correct, found + never_found, 1.0))
+    ours = Ranked(score, correct, found + never_found, 1.0).average_precision
     theirs = average_precision_score(correct, score) * found / (found + never_found)
     assert ours == pytest.approx(theirs)
 
@@ -185,7 +185,7 @@ def test_average_precision_as_scikit_learn(events, never_found):
 def test_more_false_alarms_never_miss_more(events, rate, more):
     score, correct = (np.array([e[k] for e in events]) for k in (0, 1))
     ranked = Ranked(score.astype(float), correct.astype(bool), int(correct.sum()) + 1, 10.0)
-    curve = det_curve(ranked)
+    curve = ranked.det
     assert 1 >= curve.missed_at(rate) >= curve.missed_at(rate + more) >= 0
     for x, y in zip(curve.false_per_minute, curve.missed, strict=True):
         assert curve.missed_at(float(x)) <= y + 1e-12
@@ -197,8 +197,8 @@ def test_clips_are_matched_apart_and_ranked_together():
     ranked = Ranked.of_clips([first, second], 10.0)
     assert ranked.correct.tolist() == [False, True, False]
     assert ranked.labels == 2
-    assert average_precision(ranked) == pytest.approx(0.5)
-    assert det_curve(ranked).missed_at(0.15) == pytest.approx(0.5)
+    assert ranked.average_precision == pytest.approx(0.5)
+    assert ranked.det.missed_at(0.15) == pytest.approx(0.5)
 
 
 def test_ranks_that_cannot_be():

@@ -11,7 +11,7 @@ from bodies import crowd, with_boxes
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.people import Detections
-from scene4d.evaluation.trials.meva_ground import EVERY, Ground, local_ground
+from scene4d.evaluation.datasets.meva import EVERY, Ground, local_ground
 
 SIZE = (1920, 1080)
 PEOPLE, SIGHTINGS = 40, 4
@@ -118,18 +118,18 @@ def test_without_people_it_is_the_published_one_and_says_why(kind):
     ground = local_ground("G7", before, [annotated])
     assert ground.calibration is before
     assert ground.reason
-    assert ground.reason in ground.said()
-    assert "as published, tilt 23.0°, height 8.5 m" in ground.said()
-    assert ground.said().startswith("G7: ")
+    assert ground.reason in str(ground)
+    assert "as published, tilt 23.0°, height 8.5 m" in str(ground)
+    assert str(ground).startswith("G7: ")
 
 
 def test_what_is_said_names_both(ground):
     found = re.fullmatch(
         r"G424: tilt ([\d.]+) ± ([\d.]+)°, height ([\d.]+) ± ([\d.]+) m "
         r"\(published: tilt 23\.0°, height 8\.5 m\)",
-        ground.said(),
+        str(ground),
     )
-    assert found, ground.said()
+    assert found, str(ground)
     tilt, tilt_sigma, height, height_sigma = map(float, found.groups())
     assert tilt == pytest.approx(np.degrees(ground.calibration.camera.tilt_rad), abs=0.051)
     assert height == pytest.approx(ground.calibration.camera.height_m, abs=0.051)
@@ -137,7 +137,7 @@ def test_what_is_said_names_both(ground):
     assert tilt_sigma == pytest.approx(np.degrees(tilt_rad), abs=0.051)
     assert height_sigma == pytest.approx(height_m, abs=0.051)
     why = Ground("G424", ground.published, ground.published, "too few people")
-    assert why.said() == "G424: as published, tilt 23.0°, height 8.5 m (too few people)"
+    assert str(why) == "G424: as published, tilt 23.0°, height 8.5 m (too few people)"
 
 
 def test_people_of_several_clips_are_different_people():

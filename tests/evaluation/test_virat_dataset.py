@@ -18,7 +18,8 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Detections
-from scene4d.evaluation import PUBLISHED, SameFrameReference, near_figures, spread_frames, virat
+from scene4d.evaluation import PUBLISHED
+from scene4d.evaluation.datasets.virat import spread_frames, virat
 from strategies import build_camera, build_lens
 
 SIZE = (1920, 1080)
@@ -135,7 +136,7 @@ def test_positions_are_those_of_the_camera(release):
     assert set(scene.people.class_name) == {"person"}
     assert scene.people.track.max() == len(WALKS) - 1
     assert np.isnan(scene.people.time_s).all()
-    assert "roughly estimated" in scene.notes[0]
+    assert "rough estimates" in scene.notes[0]
     assert len(scene.notes) == 1
 
 
@@ -162,19 +163,19 @@ def test_the_papers_method_on_the_boxes(release):
     good, found = error_m(true, 1.70)
     assert good < 0.02  # boxes are whole pixels
     assert found.camera.height_m == pytest.approx(7.0, rel=0.002)
-    assert near_figures(scene.reference.near(found))["auc"] > 0.99
+    assert scene.reference.near(found).auc > 0.99
     assert error_m(replace(true, focal_px=0.7 * true.focal_px), 1.70)[0] > 0.1
     assert error_m(true, 1.8288)[0] > 0.15
 
 
 def test_people_meet_the_vehicles_of_their_own_frame(release):
     reference = virat(release, image_size=SIZE).reference
-    assert isinstance(reference, SameFrameReference)
+    assert reference.meetings is not None
     truth = np.sort(true_pairs())
-    np.testing.assert_allclose(np.sort(reference.true_m), truth, atol=1e-5)
+    np.testing.assert_allclose(np.sort(reference.judged[1]), truth, atol=1e-5)
     assert 0 < (truth < 4).sum() < len(truth)
     pairs = reference.near(given(CAMERA))
-    np.testing.assert_array_equal(pairs.true_m, reference.true_m)
+    np.testing.assert_array_equal(pairs.true_m, reference.judged[1])
     np.testing.assert_allclose(pairs.estimated_m, pairs.true_m, atol=1e-5)
     np.testing.assert_array_equal(pairs.sigma_m, 0)
     # Twice as high, everything is twice as far apart, pair by pair.
@@ -219,7 +220,7 @@ def test_a_vehicle_that_creeps_is_one_place_per_metre(tmp_path):
 
 def test_without_vehicles_the_points_stand_in(tmp_path):
     scene = virat(write_release(tmp_path, people_rows()), image_size=SIZE)
-    assert not isinstance(scene.reference, SameFrameReference)
+    assert scene.reference.meetings is None
     assert scene.reference.vehicle_uv is None
     assert "correspondence points stand in" in scene.notes[1]
     pairs = scene.reference.near(given(CAMERA))
@@ -239,7 +240,7 @@ def test_without_vehicles_the_points_stand_in(tmp_path):
 def test_where_no_roc_is_to_be_had_from_one_frame(tmp_path, people, vehicle, note):
     rows = [*people_rows()[: people * CLIP_FRAMES], vehicle]
     scene = virat(write_release(tmp_path, rows), image_size=SIZE)
-    assert not isinstance(scene.reference, SameFrameReference)
+    assert scene.reference.meetings is None
     assert len(scene.reference.vehicle_uv) == 1
     assert re.match(note, scene.notes[1])
     assert len(scene.reference.near(given(CAMERA)).true_m) == people * CLIP_FRAMES
@@ -253,7 +254,7 @@ def test_what_is_below_the_picture_or_above_the_horizon_meets_nobody(tmp_path):
     rows += [below, above]
     after = virat(write_release(tmp_path, rows, camera=level), image_size=SIZE).reference
     assert level.locate(np.array([[960.0, 200], [960, 230]]))[1].tolist() == [False, True]
-    np.testing.assert_array_equal(after.true_m, before.true_m)
+    np.testing.assert_array_equal(after.judged[1], before.judged[1])
     np.testing.assert_array_equal(after.vehicle_uv, before.vehicle_uv)
     assert len(after.feet_uv) == len(before.feet_uv) + 1
     assert len(after.walked_uv) == len(before.walked_uv)
@@ -289,12 +290,12 @@ def test_the_video_tells_size_and_clock(tmp_path):
     assert scene.reference.image_size == (160, 96)
     np.testing.assert_allclose(scene.people.time_s, np.arange(20) / 20)
     assert virat(release, image_size=(160, 96)).video == video
-    with pytest.raises(InputError, match=r"\.avi: is 160x96, but .* given is 1920x1080"):
+    with pytest.raises(InputError, match=r"\.avi: is 160x96, but image_size says 1920x1080"):
         virat(release, image_size=SIZE)
 
 
 def test_without_a_video_the_size_must_be_told(release):
-    with pytest.raises(InputError, match=r"objects\.txt: its video is not.*--image-size.*1280x720"):
+    with pytest.raises(InputError, match=r"objects\.txt: its video is not.*image_size.*1280x720"):
         virat(release)
 
 

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from scene4d.core.progress import Progress
-    from scene4d.evaluation import Evaluation
+    from scene4d.evaluation.trials.activities import ActivityEvaluation
+    from scene4d.evaluation.trials.outcomes import Evaluation
 
 evaluate = typer.Typer(
     name="evaluate",
@@ -48,9 +49,9 @@ def pets(job: Job, *, data: _Data, out: _Out = None) -> Answer:
       scene4d evaluate pets --data data/pets2009
       scene4d evaluate pets --data data/pets2009 --out pets --json
     """
-    from scene4d.evaluation.trials import evaluate_pets
+    from scene4d.evaluation import EvaluateOptions, evaluate_pets
 
-    return _evaluated(job, lambda progress: evaluate_pets(data, progress), out)
+    return _evaluated(job, lambda step: evaluate_pets(data, EvaluateOptions(), step), out)
 
 
 @command("evaluate towncentre")
@@ -67,9 +68,9 @@ def towncentre(job: Job, *, data: _Data, out: _Out = None) -> Answer:
       scene4d evaluate towncentre --data data/towncentre
       scene4d evaluate towncentre --data data/towncentre --out towncentre
     """
-    from scene4d.evaluation.trials import evaluate_towncentre
+    from scene4d.evaluation import EvaluateOptions, evaluate_towncentre
 
-    return _evaluated(job, lambda progress: evaluate_towncentre(data, progress), out)
+    return _evaluated(job, lambda step: evaluate_towncentre(data, EvaluateOptions(), step), out)
 
 
 @command("evaluate virat")
@@ -106,14 +107,11 @@ def virat(
       scene4d evaluate virat --data VIRAT --clip VIRAT_S_000001
       scene4d evaluate virat --data VIRAT --image-size 1920x1080 --out virat
     """
-    from scene4d.evaluation.trials import evaluate_virat
+    from scene4d.evaluation import EvaluateOptions, evaluate_virat
 
     size = None if image_size is None else parse_image_size(image_size)
-    return _evaluated(
-        job,
-        lambda progress: evaluate_virat(data, progress, clip=clip, image_size=size),
-        out,
-    )
+    options = EvaluateOptions(clip=clip, image_size=size)
+    return _evaluated(job, lambda step: evaluate_virat(data, options, step), out)
 
 
 @command("evaluate custom")
@@ -166,14 +164,11 @@ def custom(
       scene4d evaluate custom --camera out/camera.json --reference img2world.txt \\
           --points out/people.parquet --out score
     """
-    from scene4d.evaluation.trials import evaluate_custom
+    from scene4d.evaluation import EvaluateOptions, evaluate_custom
 
     size = None if image_size is None else parse_image_size(image_size)
-    return _evaluated(
-        job,
-        lambda _: evaluate_custom(camera, reference, points=points, image_size=size),
-        out,
-    )
+    options = EvaluateOptions(points=points, image_size=size)
+    return _evaluated(job, lambda _: evaluate_custom(camera, reference, options), out)
 
 
 @command("evaluate meva")
@@ -203,27 +198,24 @@ def meva(
       scene4d evaluate meva --data data/meva
       scene4d evaluate meva --data data/meva --out meva --json
     """
-    from scene4d.cli.scores import show_activities
-    from scene4d.evaluation.trials.meva import REPORTED, evaluate_meva
-    from scene4d.evaluation.trials.meva_files import write_activities
+    from scene4d.evaluation import EvaluateOptions, evaluate_meva
 
-    with output_folder(out), job.progress() as progress:
-        found = evaluate_meva(data, progress, cameras=camera or REPORTED)
-        if out is not None:
-            write_activities(found, out, command=command_line(), progress=progress)
-    return Answer(found.to_dict() | _where(out), lambda: show_activities(found, out))
+    options = EvaluateOptions(cameras=tuple(camera)) if camera else EvaluateOptions()
+    return _evaluated(job, lambda step: evaluate_meva(data, options, step), out)
 
 
-def _evaluated(job: Job, work: "Callable[[Progress], Evaluation]", out: Path | None) -> Answer:
+def _evaluated(
+    job: Job, work: "Callable[[Progress], Evaluation | ActivityEvaluation]", out: Path | None
+) -> Answer:
     """Evaluate, and write where asked to."""
-    from scene4d.cli.scores import show_evaluation
-    from scene4d.evaluation.trials import write_evaluation
+    from scene4d.cli.scores import show
+    from scene4d.evaluation.pages.page import write_evaluation
 
     with output_folder(out), job.progress() as progress:
         found = work(progress)
         if out is not None:
             write_evaluation(found, out, command=command_line(), progress=progress)
-    return Answer(found.to_dict() | _where(out), lambda: show_evaluation(found, out))
+    return Answer(found.to_dict() | _where(out), lambda: show(found, out))
 
 
 def _where(out: Path | None) -> dict[str, str]:

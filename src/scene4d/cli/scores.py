@@ -6,23 +6,25 @@ from rich.table import Table
 
 from scene4d.cli.output import screen
 from scene4d.core.people import PERSON_HEIGHT_M
-from scene4d.evaluation import Evaluation, FewPeople, Outcome, Setting, near_figures
-from scene4d.evaluation.activity_evaluation import FALSE_PER_MINUTE, ActivityEvaluation
+from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation
+from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Setting
 
 _CIRCULAR = "circular"
 
-_FEW = (
-    "A few people in one frame, the joint method: without and with what the orientation network "
-    "reads in that frame. Refused of all draws, and median error in metres of the cameras given; "
-    "then the medians where both gave one, and how often the reading made it smaller."
-)
+
+def show(found: Evaluation | ActivityEvaluation, out: Path | None) -> None:
+    """The table, the notes, and where the page is."""
+    if isinstance(found, Evaluation):
+        _show_cameras(found, out)
+    else:
+        _show_activities(found, out)
 
 
-def show_evaluation(found: Evaluation, out: Path | None) -> None:
+def _show_cameras(found: Evaluation, out: Path | None) -> None:
     """Errors by setting and mean height of people, beside the paper's, and what was left out."""
     heights = sorted({outcome.person_height_m for outcome in found.outcomes})
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    table.add_column("Method and what it is told")
+    table.add_column("Method and what it is given")
     for heading in (*(f"{height:g} m" for height in heights), "Predicted", "AUC"):
         table.add_column(heading, justify="right", no_wrap=True)
     footage = None
@@ -43,42 +45,20 @@ def show_evaluation(found: Evaluation, out: Path | None) -> None:
         )
         console.print()
         console.print(table)
-        if found.few:
-            console.print(f"\n{_FEW}\n")
-            console.print(_few(found.few))
         for note in (*_reasons(found), *found.notes):
             console.print(f"\n{note}", style="dim")
         if out is not None:
             console.print(f"\nReport   {out / 'evaluation.html'}", soft_wrap=True)
 
 
-def _few(rows: tuple[FewPeople, ...]) -> Table:
-    """Draws of a few people, one line per number of them."""
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    table.add_column("Footage")
-    for heading in ("People", "Draws", "Without", "With", "Both: without", "with", "Closer"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in rows:
-        values = row.to_dict()
-        both = values["where_both"]
-        cells = [
-            f"{values[name]['refused']} refused, {_number(values[name]['median_m'], 2) or 'none'}"
-            for name in ("nothing", "network")
-        ]
-        medians = [_number(both[f"{name}_median_m"], 2) for name in ("nothing", "network")]
-        closer = f"{row.closer} of {row.both}"
-        table.add_row(row.footage, str(row.people), str(row.draws), *cells, *medians, closer)
-    return table
-
-
 def _row(setting: Setting, outcomes: list[Outcome], heights: list[float]) -> list[str]:
     by_height = {outcome.person_height_m: outcome for outcome in outcomes}
     cells = [_error(by_height.get(height)) for height in heights]
     middle = by_height.get(PERSON_HEIGHT_M, outcomes[0])
-    auc = "" if middle.near is None else _number(near_figures(middle.near)["auc"], 4)
+    auc = "" if middle.near is None else _number(middle.near.auc, 4)
     predicted = _number(middle.predicted_m, 2)
-    told = f", told {setting.given}" if setting.given else ""
-    return [f"  {setting.method}{told}", *cells, predicted, auc]
+    given = f", given {setting.given}" if setting.given else ""
+    return [f"  {setting.method}{given}", *cells, predicted, auc]
 
 
 def _number(value: float | None, digits: int) -> str:
@@ -100,7 +80,7 @@ def _published(table: Table, found: Evaluation, heights: list[float]) -> None:
     text = f"{p.mean_m:.2f}±{p.sd_m:.2f}"
     cells = [text if height == p.person_height_m else "" for height in heights]
     table.add_row(f"published, {p.frames} frames", style="bold")
-    table.add_row("  paper, told by its network", *cells, "", f"{p.auc:.2f}", style="bold")
+    table.add_row("  paper, given by its network", *cells, "", f"{p.auc:.2f}", style="bold")
 
 
 def _reasons(found: Evaluation) -> list[str]:
@@ -115,7 +95,7 @@ def _reasons(found: Evaluation) -> list[str]:
     return [f"Refused ({'; '.join(names)}): {why}." for why, names in reasons.items()]
 
 
-def show_activities(found: ActivityEvaluation, out: Path | None) -> None:
+def _show_activities(found: ActivityEvaluation, out: Path | None) -> None:
     """Average precision and misses by activity and method, and what must be said beside it."""
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
     table.add_column("Activity", no_wrap=True)

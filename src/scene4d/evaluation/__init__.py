@@ -1,52 +1,36 @@
-"""How far a calibration is from the truth, by the paper's measures and those it left out."""
+"""Measured against truth: cameras and searches, on data sets that publish it, and on your own.
 
-from scene4d.evaluation.correspondence import (
+Read in this order: ``datasets`` (what is true) → ``trials`` (what is tried on it) → ``measures``
+(how far off it is) → ``pages`` (how that is shown).
+"""
+
+from scene4d.evaluation.datasets.reference import PUBLISHED, Reference, pets, towncentre
+from scene4d.evaluation.measures.correspondence import (
     CorrespondenceError,
     correspondence_error,
     spread_points,
 )
-from scene4d.evaluation.datasets import pets, towncentre
-from scene4d.evaluation.evaluation import (
-    PAPER_HEIGHTS_M,
-    PUBLISHED,
-    Evaluation,
-    Outcome,
-    Published,
-    Setting,
-    near_figures,
+from scene4d.evaluation.options import EvaluateOptions
+from scene4d.evaluation.trials.activities import evaluate_meva
+from scene4d.evaluation.trials.cameras import (
+    evaluate_custom,
+    evaluate_pets,
+    evaluate_towncentre,
+    evaluate_virat,
 )
-from scene4d.evaluation.few_people import FewPeople, few_error_m, median_m
-from scene4d.evaluation.near import NearPairs, near_pairs
-from scene4d.evaluation.probability import Reliability, Roc, brier_score, reliability, roc_curve
-from scene4d.evaluation.reference import Reference
-from scene4d.evaluation.virat_clips import SameFrameReference, ViratScene, spread_frames, virat
 
 __all__ = [
-    "PAPER_HEIGHTS_M",
     "PUBLISHED",
     "CorrespondenceError",
-    "Evaluation",
-    "FewPeople",
-    "NearPairs",
-    "Outcome",
-    "Published",
+    "EvaluateOptions",
     "Reference",
-    "Reliability",
-    "Roc",
-    "SameFrameReference",
-    "Setting",
-    "ViratScene",
-    "brier_score",
     "correspondence_error",
-    "few_error_m",
-    "median_m",
-    "near_figures",
-    "near_pairs",
+    "evaluate_custom",
+    "evaluate_meva",
+    "evaluate_pets",
+    "evaluate_towncentre",
+    "evaluate_virat",
     "pets",
-    "reliability",
-    "roc_curve",
-    "spread_frames",
     "spread_points",
     "towncentre",
-    "virat",
 ]

@@ -1,4 +1,4 @@
-"""The page of an evaluation of activity search: what was found, and what must be said beside it."""
+"""The page of an evaluation of activity search: what was found, and what limits the figures."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from typing import Any
 
 from scene4d.drawing.page import Shown, data_uri, rendered, seconds_text
 from scene4d.drawing.words import number
-from scene4d.evaluation.activity_evaluation import FALSE_PER_MINUTE, ActivityEvaluation
+from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation
 
 _NONE = "–"
 
@@ -75,29 +75,19 @@ def verdict(evaluation: ActivityEvaluation) -> str:
     mean = evaluation.mean_average_precision(ours.name)
     if mean is None:
         return "Nothing is labelled that the catalogue knows."
-    everything = _looked_for(evaluation, ours.name)
-    text = f"Mean average precision {number(mean, 2)} over {everything} activities"
-    beside = []
+    everything = len(evaluation.searched(ours.name))
+    parts = [f"Mean average precision {number(mean, 2)} over {everything} activities"]
     for method in others:
         mean = evaluation.mean_average_precision(method.name)
-        count = _looked_for(evaluation, method.name)
+        count = len(evaluation.searched(method.name))
         if mean is not None:
-            of = "" if count == everything else f" over the {count} that it can look for"
-            beside.append(f"{number(mean, 2)} by {method.name}{of}")
-    return f"{'; '.join([text, *beside])}."
-
-
-def _looked_for(evaluation: ActivityEvaluation, method: str) -> int:
-    found = [evaluation.of(method, name).average_precision for name in evaluation.activities]
-    return sum(value is not None for value in found)
+            of = "" if count == everything else f" over the {count} that it can search for"
+            parts.append(f"{number(mean, 2)} by {method.name}{of}")
+    return f"{'; '.join(parts)}."
 
 
 def render_activities(
-    evaluation: ActivityEvaluation,
-    pictures: Mapping[str, bytes],
-    *,
-    command: str | None,
-    version: str | None,
+    evaluation: ActivityEvaluation, pictures: Mapping[str, bytes], *, command: str | None
 ) -> str:
     """The page as HTML, with the ``pictures`` (``det``) inside it."""
     figures = {
@@ -106,8 +96,8 @@ def render_activities(
             data_uri(png),
             "DET curves of every activity, one panel each, for all methods.",
             "Share of the labelled events that is missed, over false alarms per minute of footage "
-            "(logarithmic), as the least score that counts falls; in brackets how many are "
-            "labelled. Broken vertical lines: "
+            "(logarithmic), as the threshold falls; the number of labels is in brackets. Broken "
+            "vertical lines: "
             + " and ".join(f"{rate:g}" for rate in sorted(FALSE_PER_MINUTE))
             + " a minute. Where a curve stays level at its end nothing more was found.",
         )
@@ -122,23 +112,20 @@ def render_activities(
         "lines": lines(evaluation),
         "notes": evaluation.notes,
         "figures": figures,
-        "provenance": _provenance(evaluation, command, version),
+        "provenance": _provenance(evaluation, command),
         "timings": [(name, seconds_text(s)) for name, s in evaluation.timings.items()],
     }
     return rendered("scene4d.evaluation.pages", "activities.html.j2", values)
 
 
-def _provenance(
-    evaluation: ActivityEvaluation, command: str | None, version: str | None
-) -> list[tuple[str, str]]:
+def _provenance(evaluation: ActivityEvaluation, command: str | None) -> list[tuple[str, str]]:
+    from importlib.metadata import version
+
     rows = [
         ("Data set", evaluation.name),
         ("Cameras reported", ", ".join(evaluation.reported)),
         ("Cameras tuned on", ", ".join(evaluation.tuned)),
         ("Clips", f"{evaluation.clips}, {number(evaluation.minutes, 0)} minutes"),
+        ("scene4d", version("scene4d")),
     ]
-    if version is not None:
-        rows.append(("scene4d", version))
-    if command is not None:
-        rows.append(("Command", command))
-    return rows
+    return rows if command is None else [*rows, ("Command", command)]

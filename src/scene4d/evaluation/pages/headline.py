@@ -1,11 +1,12 @@
-"""Which outcomes the figures and the first paragraph show, by a rule blind to the scores."""
+"""Which outcomes the figures and the verdict show: a rule that does not look at the scores."""
 
 from dataclasses import dataclass
 
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.people import PERSON_HEIGHT_M
-from scene4d.evaluation import CorrespondenceError, Evaluation, Outcome, Setting
+from scene4d.evaluation.measures.correspondence import CorrespondenceError
+from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Setting
 
 _WANTED_M = {"paper": 1.7018}
 _NAMES = {
@@ -18,10 +19,9 @@ _LOOKS = {"paper": ("#D55E00", "X"), "joint": ("#0072B2", "o")}
 _OTHER = ("#009E73", "D")
 RULE = (
     "For each method the figures show one line of the table: for the paper’s method the first that "
-    "was told the true orientation, at 1.7018 m as in its ROC figure; for the joint method the "
-    "first that was told nothing, at 1.70 m, which rests on what was seen of people alone; where "
-    "these have no result, the first line of the method that has one. Circular lines are never "
-    "shown. The rule does not look at the scores."
+    "is given the true orientation, at 1.7018 m as in its ROC figure; for the joint method the "
+    "first that is given nothing, at 1.70 m; where these have no result, the first line of the "
+    "method that has one. Circular lines are never shown. The rule does not look at the scores."
 )
 
 

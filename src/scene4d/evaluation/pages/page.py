@@ -1,36 +1,96 @@
 """The page of an evaluation: words, table and figures in one self-contained file."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from scene4d.core.camera import Camera
-from scene4d.drawing.page import Shown, data_uri, rendered, seconds_text
+from scene4d.core.files import write_bytes, write_json
+from scene4d.core.progress import Progress
+from scene4d.core.staging import ensure_folder, staged
+from scene4d.drawing.page import Shown, data_uri, rendered
 from scene4d.drawing.words import number
-from scene4d.evaluation import Evaluation
+from scene4d.evaluation.pages.activities import render_activities
+from scene4d.evaluation.pages.charts import draw_det, draw_near, draw_roc, roc_outcomes
+from scene4d.evaluation.pages.headline import RULE, headlines
+from scene4d.evaluation.pages.pictures import (
+    draw_alignment,
+    draw_consensus,
+    draw_ground,
+    draw_points,
+)
+from scene4d.evaluation.pages.table import table
+from scene4d.evaluation.pages.words import HEADINGS, alternative, caption, paragraphs, verdict
+from scene4d.evaluation.trials.activities import ActivityEvaluation
+from scene4d.evaluation.trials.outcomes import Evaluation
 
+FIGURES: tuple[str, ...] = (*HEADINGS, "det")
+"""Names of all figures, in the order of the page; those without data are left out."""
 _TITLES = {"pets": "PETS 2009", "towncentre": "TownCentre", "virat": "VIRAT"}
 
 
-def render_evaluation(
-    evaluation: Evaluation,
-    pictures: Mapping[str, bytes],
+def write_evaluation(
+    evaluation: Evaluation | ActivityEvaluation,
+    out_dir: str | Path,
     *,
     command: str | None,
-    version: str | None,
-    timings: Mapping[str, float],
-) -> str:
-    """The page as HTML, with the ``pictures`` (of :func:`.draw_evaluation`) inside it.
+    progress: Progress,
+) -> Path:
+    """Write ``evaluation.html``, ``figures/*.png`` and ``evaluation.json``; returns the page.
 
-    Angles are in degrees; ``timings`` are seconds by stage.
+    All of them or none (:func:`.staged`). Raises :class:`OutputError` where the folder cannot be
+    written.
     """
-    from scene4d.evaluation.pages.captions import HEADINGS, caption, words_for_picture
-    from scene4d.evaluation.pages.few import few_line
-    from scene4d.evaluation.pages.headline import RULE, headlines
-    from scene4d.evaluation.pages.summary import paragraphs, verdict
-    from scene4d.evaluation.pages.table import table
+    out = ensure_folder(out_dir)
+    names = [*(f"figures/{name}.png" for name in FIGURES), "evaluation.html"]
+    with (
+        progress.stage("Drawing the evaluation", None),
+        staged(out, names, last="evaluation.json") as folder,
+    ):
+        if isinstance(evaluation, ActivityEvaluation):
+            pictures = {"det": draw_det(evaluation)}
+            page = render_activities(evaluation, pictures, command=command)
+        else:
+            pictures = draw_evaluation(evaluation)
+            page = render_evaluation(evaluation, pictures, command=command)
+        (folder / "figures").mkdir()
+        for name, content in pictures.items():
+            write_bytes(folder / "figures" / f"{name}.png", content)
+        write_bytes(folder / "evaluation.html", page.encode())
+        write_json(folder / "evaluation.json", evaluation.to_dict())
+    return out / "evaluation.html"
 
+
+def draw_evaluation(evaluation: Evaluation) -> dict[str, bytes]:
+    """PNG bytes by name, in the order of :data:`FIGURES`, of the figures that can be drawn.
+
+    ``headline.RULE`` says which outcomes stand for a method. Raises :class:`InputError` for a
+    picture of another size than the footage, and where there are too few correspondence points.
+    """
+    shown = headlines(evaluation)
+    drawn: dict[str, bytes] = {}
+    if evaluation.image_bgr is not None:
+        drawn["points"] = draw_points(evaluation)
+    for s in shown:
+        found = s.calibration
+        if s.method == "paper" and found.segments is not None and found.inlier is not None:
+            drawn["consensus"] = draw_consensus(evaluation, s)
+        drawn[s.ground_figure] = draw_ground(evaluation, s)
+    if shown:
+        drawn["alignment"] = draw_alignment(shown)
+    if any(s.outcome.near is not None for s in shown):
+        drawn["near"] = draw_near(shown)
+    if any(roc_outcomes(evaluation, s) for s in shown):
+        drawn["roc"] = draw_roc(evaluation, shown)
+    return {name: drawn[name] for name in FIGURES if name in drawn}
+
+
+def render_evaluation(
+    evaluation: Evaluation, pictures: Mapping[str, bytes], *, command: str | None
+) -> str:
+    """The page as HTML, with the ``pictures`` (of :func:`draw_evaluation`) inside it."""
     figures = {
-        name: Shown(name, data_uri(png), words_for_picture(name), caption(name, evaluation))
+        name: Shown(name, data_uri(png), alternative(name), caption(name, evaluation))
         for name, png in pictures.items()
     }
     values: dict[str, Any] = {
@@ -38,22 +98,19 @@ def render_evaluation(
         "verdict": verdict(evaluation),
         "paragraphs": paragraphs(evaluation),
         "table": table(evaluation),
-        "few": [few_line(row) for row in evaluation.few],
         "notes": [*evaluation.notes, *_missing(evaluation)],
         "rule": RULE if headlines(evaluation) and len(evaluation.settings()) > 1 else "",
         "headings": HEADINGS,
         "figures": figures,
         "has_camera": isinstance(evaluation.reference.truth, Camera),
-        "provenance": _provenance(evaluation, command, version),
-        "timings": [(name, seconds_text(s)) for name, s in timings.items()],
+        "provenance": _provenance(evaluation, command),
+        "timings": [],
     }
     return rendered("scene4d.evaluation.pages", "evaluation.html.j2", values)
 
 
 def _missing(evaluation: Evaluation) -> list[str]:
     """Why figures that a reader of the paper expects are not here."""
-    from scene4d.evaluation.pages.headline import headlines
-
     methods = {s.method for s in headlines(evaluation)}
     asked = {setting.method for setting in evaluation.settings()}
     said = [
@@ -62,18 +119,14 @@ def _missing(evaluation: Evaluation) -> list[str]:
         if method in asked - methods
     ]
     if evaluation.image_bgr is None:
-        said.append(
-            "There is no picture of the scene: figures that need one lie on a plain ground."
-        )
+        said.append("There is no picture of the scene: the ground is drawn on a plain canvas.")
     return said
 
 
-def _provenance(
-    evaluation: Evaluation, command: str | None, version: str | None
-) -> list[tuple[str, str]]:
-    reference = evaluation.reference
-    from scene4d.evaluation.pages.captions import walked
+def _provenance(evaluation: Evaluation, command: str | None) -> list[tuple[str, str]]:
+    from importlib.metadata import version
 
+    reference = evaluation.reference
     width, height = reference.image_size
     kind = "camera" if isinstance(reference.truth, Camera) else "homography of the ground"
     rows = [
@@ -81,18 +134,12 @@ def _provenance(
         ("Reference", f"{reference.name}: {kind}"),
         ("Image size", f"{width} × {height} pixels"),
         ("Correspondence points", str(len(reference.points_uv))),
-        (
-            "Feet on the ground" if walked(evaluation) else "Points on the ground",
-            number(float(len(reference.walked_uv)), 0),
-        ),
+        ("Points on the ground", number(float(len(reference.walked_uv)), 0)),
         ("Lines", f"{len(evaluation.settings())}, {len(evaluation.outcomes)} calibrations"),
         (
             "Paper",
             "Wagner, Crispell, Feeney, Mundy (2019), 4-D Scene Alignment in Surveillance Video",
         ),
+        ("scene4d", version("scene4d")),
     ]
-    if version is not None:
-        rows.append(("scene4d", version))
-    if command is not None:
-        rows.append(("Command", command))
-    return rows
+    return rows if command is None else [*rows, ("Command", command)]

@@ -7,11 +7,10 @@ import numpy as np
 from scene4d.core.camera import Camera
 from scene4d.core.people import PERSON_HEIGHT_M
 from scene4d.drawing.words import number
-from scene4d.evaluation import Evaluation, Outcome, Published, Setting
-from scene4d.evaluation.pages.dotplot import heights
+from scene4d.evaluation.datasets.reference import Published
+from scene4d.evaluation.pages.charts import auc_text, height_text
 from scene4d.evaluation.pages.headline import at_height
-from scene4d.evaluation.pages.look import height_text
-from scene4d.evaluation.pages.near import auc_of, auc_text
+from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Setting
 
 _NONE = "–"
 
@@ -61,7 +60,7 @@ class Table:
 
 def table(evaluation: Evaluation) -> Table:
     """The lines in the order of the evaluation, then the truth and the published numbers."""
-    every = heights(evaluation)
+    every = evaluation.heights_m()
     main = min(every, key=lambda h: abs(h - PERSON_HEIGHT_M), default=PERSON_HEIGHT_M)
     columns = [f"{height_text(h)} m" for h in every]
     columns += ["predicted / found, RMS", "AUC", "focal length", "tilt", "height"]
@@ -111,7 +110,7 @@ def _at_main_height(evaluation: Evaluation, outcome: Outcome, columns: list[str]
     expected = outcome.predicted_m
     if found.covariance is not None and expected is not None and np.isfinite(expected):
         predicted = number(expected, 2)
-    auc = None if outcome.near is None else auc_of(outcome.near)
+    auc = None if outcome.near is None else outcome.near.auc
     cells = [
         Cell(columns[0], f"{predicted}\u00a0/\u00a0{number(error.rms_m, 2)}"),
         Cell(columns[1], _NONE if auc is None else auc_text(auc)),

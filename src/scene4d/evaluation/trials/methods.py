@@ -1,4 +1,4 @@
-"""Which methods are tried on which input, with what told, and how each came out."""
+"""Which methods are tried on which input, and what each of them is given."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -8,17 +8,18 @@ from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.watching import Seen, solved
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import PERSON_HEIGHT_M
-from scene4d.evaluation import PAPER_HEIGHTS_M, Outcome, Reference, Setting
+from scene4d.evaluation.datasets.reference import Reference
+from scene4d.evaluation.trials.outcomes import PAPER_HEIGHTS_M, Outcome, Setting
 
 HEIGHTS_M = tuple(sorted({*PAPER_HEIGHTS_M, PERSON_HEIGHT_M}))
 """Mean heights at which everything is tried: the paper's, and our default."""
 _SHORT_FOCAL = (0.85, 0.70)
-"""Focal length over the truth, as short as the paper's network saw it (METHOD section 2)."""
+"""Focal length over the truth, as short as the paper's network read it (METHOD section 2)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Input:
-    """One way of looking at a recording. ``circular``: made from the true calibration itself."""
+    """One kind of footage or boxes. ``circular``: generated from the true calibration itself."""
 
     footage: str
     seen: Seen
@@ -27,7 +28,7 @@ class Input:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One line of the table: an input, a method, and what it is told."""
+    """One line of the table: an input, a method, and what it is given."""
 
     setting: Setting
     seen: Seen
@@ -35,15 +36,15 @@ class Trial:
     orientation: Orientation | str | None = None
 
     def outcome(self, reference: Reference, person_height_m: float) -> Outcome:
-        """Calibrate and score; a refusal is an outcome too. Nothing told means: not by the
-        orientation network either.
+        """Calibrate and score; a refusal is an outcome too. Without an orientation the orientation
+        network is not used either.
         """
         options = CalibrateOptions(
             lens=reference.camera.lens if self.has_lens else None,
             person_height_m=person_height_m,
             method=self.setting.method,
             orientation=self.orientation or "people",
-            # A focal length that was told stands against the lens's own.
+            # A focal length that is given counts instead of the lens's own.
             estimate_focal=isinstance(self.orientation, Orientation),
         )
         return Outcome.scored(self.setting, solved(self.seen, options), reference)
@@ -52,8 +53,8 @@ class Trial:
 def trials(given: Input, truth: Orientation | None) -> Iterator[Trial]:
     """Everything that is tried on an input; ``truth`` is None where no true camera is known.
 
-    The orientation network is believed by the paper's method, which takes the mode of what it read
-    in the pictures, and guesses for the joint one, as in ``scene4d calibrate``.
+    The paper's method takes the mode of the orientation network's readings as exact; for the joint
+    one they are a prior, as in ``scene4d calibrate``.
     """
     network = given.seen.reading is not None
     keypoints = not person_segments(given.seen.detections).from_box.all()

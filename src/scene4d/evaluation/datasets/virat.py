@@ -1,4 +1,4 @@
-"""The VIRAT ground data set, release 2.0: the second experiment of Wagner et al. (2019), section 4.
+"""VIRAT ground data set, release 2.0: the second experiment of Wagner et al. (2019), section 4.
 
 The truth is the scene's homography from pixels to ground metres, with people and vehicles from
 the annotation. A clip ``VIRAT_S_XXYYZZ...`` was recorded in scene ``XXYY`` (collection and scene;
@@ -7,21 +7,17 @@ not: ``*_XXYY_homography_img2world.txt``, ``CLIP.viratdata.objects.txt`` and per
 """
 
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.ground_map import GroundMap
 from scene4d.core.people import Detections
-from scene4d.evaluation.evaluation import PUBLISHED
-from scene4d.evaluation.near import NearPairs, near_pairs
-from scene4d.evaluation.reference import Reference
+from scene4d.evaluation.datasets.reference import PUBLISHED, Meetings, Reference
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.homographies import read_ground_map
 from scene4d.searching.predicates import NEAR_TAU_M
@@ -30,80 +26,24 @@ _OBJECTS = ".viratdata.objects.txt"
 _VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mov", ".mkv"})
 _VEHICLES = ("car", "vehicle")
 _PLACE_M = 1.0
-"""Vehicles count once per square of this side, so a parked one counts once and not per frame."""
+"""A vehicle counts once per ground square of this side, so a parked one counts once and not once
+per frame. Chosen by hand: below a vehicle's width, above the jitter of the annotation."""
 
 _HOMOGRAPHY = re.compile(r"(\d{4})_homography_img2world\.txt$")
 _SCENE = re.compile(r"VIRAT_S_(\d{4})")
-_BATCH = 20
 _NAMED = 8
+"""Clips that an error message lists."""
 _ROUGH = (
-    "The homographies of VIRAT are roughly estimated, as their README says: the errors here hold "
-    "theirs too."
+    "The homographies of VIRAT are rough estimates, as their README says: the errors here include "
+    "theirs."
 )
-
-
-@dataclass(frozen=True, eq=False)
-class SameFrameReference(Reference):
-    """A reference in which P(near) is asked of people and vehicles of one and the same frame.
-
-    ``people`` and ``vehicles`` are those of the frames in question, all on the true ground.
-    """
-
-    people: Detections = field(kw_only=True)
-    vehicles: Detections = field(kw_only=True)
-
-    @cached_property
-    def true_m(self) -> Float[np.ndarray, "p"]:
-        """True distances of all pairs."""
-        return np.concatenate([np.empty(0), *(m[same] for _, _, m, same in self._batches())])
-
-    def near(self, found: Calibration, *, undistorted: bool = False) -> NearPairs:
-        """As :meth:`Reference.near`, of the pairs that share a frame."""
-        self._same_size(found.image_size)
-        parts = []
-        for person_uv, vehicle_uv, true_m, same in self._batches():
-            pairs = near_pairs(
-                found,
-                self.in_frame_of(person_uv, undistorted=undistorted),
-                self.in_frame_of(vehicle_uv, undistorted=undistorted),
-                true_m,
-            )
-            parts.append((pairs, same.ravel()))
-        return NearPairs(
-            self.true_m,
-            np.concatenate([np.empty(0), *(pairs.estimated_m[same] for pairs, same in parts)]),
-            np.concatenate([np.empty(0), *(pairs.sigma_m[same] for pairs, same in parts)]),
-        )
-
-    def _batches(
-        self,
-    ) -> Iterator[
-        tuple[
-            Float[np.ndarray, "n 2"],
-            Float[np.ndarray, "m 2"],
-            Float[np.ndarray, "n m"],
-            Bool[np.ndarray, "n m"],
-        ]
-    ]:
-        """People, vehicles, their true distances and whether they share a frame, for a few frames
-        at a time: all at once would be a matrix of everybody who ever came by.
-        """
-        frames = np.unique(self.people.frame)
-        for start in range(0, len(frames), _BATCH):
-            some = frames[start : start + _BATCH]
-            people = self.people.select(np.isin(self.people.frame, some))
-            vehicles = self.vehicles.select(np.isin(self.vehicles.frame, some))
-            person_uv, vehicle_uv = people.box_foot_uv, vehicles.box_foot_uv
-            apart = self.locate(person_uv)[0][:, None] - self.locate(vehicle_uv)[0][None]
-            same = people.frame[:, None] == vehicles.frame[None]
-            yield person_uv, vehicle_uv, np.hypot(apart[..., 0], apart[..., 1]), same
 
 
 @dataclass(frozen=True, eq=False)
 class ViratScene:
     """One clip: ``name`` is its scene (``0000``), ``people`` the annotated persons of all frames.
 
-    ``video`` is None where it is not in the folder. ``notes`` say how the figures are to be read.
+    ``video`` is None where it is not in the folder. ``notes`` say how to read the figures.
     """
 
     name: str
@@ -120,9 +60,9 @@ def virat(
 ) -> ViratScene:
     """A clip of VIRAT by its name (``VIRAT_S_000001``), or the first in order of names.
 
-    ``image_size`` is needed where the video is not in the folder. Boxes that cannot be are left
-    out with a warning. Raises :class:`InputError` where a file is missing or there are two, for
-    files that cannot be read, and for a clip without persons.
+    ``image_size`` is needed where the video is not in the folder. Impossible boxes are left out
+    with a warning. Raises :class:`InputError` where a file is missing or there are two, for files
+    that cannot be read, and for a clip without persons.
     """
     folder = Path(data)
     if not folder.is_dir():
@@ -214,18 +154,17 @@ def _footage(
         if given is None:
             raise InputError(
                 f"{annotations}: its video is not in the folder, so the image size is not known; "
-                "give it (--image-size WxH): most scenes of VIRAT are 1920x1080, some 1280x720"
+                "give image_size: most scenes of VIRAT are 1920x1080, some 1280x720"
             )
         return given, None
     from scene4d.video.reader import open_source
 
     with open_source(video) as source:
         size, fps = source.image_size, source.fps
-    if given not in (None, size):
-        assert given is not None
+    if given is not None and given != size:
         raise InputError(
-            f"{video}: is {size[0]}x{size[1]}, but the image size that was given is "
-            f"{given[0]}x{given[1]}; leave it out where the video is there"
+            f"{video}: is {size[0]}x{size[1]}, but image_size says {given[0]}x{given[1]}; leave it "
+            "out where the video is there"
         )
     return size, fps
 
@@ -233,7 +172,7 @@ def _footage(
 def _reference(
     name: str, truth: GroundMap, people: Detections, vehicles: Detections
 ) -> tuple[Reference, tuple[str, ...]]:
-    """The reference, and what is to be said about its P(near)."""
+    """The reference, and what to say about its P(near)."""
     feet = people.box_foot_uv
     standing, parked = _on_ground(truth, people), _on_ground(truth, vehicles)
     if not len(parked):
@@ -241,10 +180,9 @@ def _reference(
             "No vehicle is annotated on the ground: the correspondence points stand in for them.",
         )
     places = _places(truth, parked)
-    met = spread_frames(standing.select(np.isin(standing.frame, parked.frame)))
-    there = parked.select(np.isin(parked.frame, met.frame))
-    reference = SameFrameReference(name, truth, feet, places, people=met, vehicles=there)
-    near = reference.true_m < NEAR_TAU_M
+    met = _same_frame(spread_frames(standing.select(np.isin(standing.frame, parked.frame))), parked)
+    reference = Reference(name, truth, feet, places, meetings=met)
+    near = reference.judged[1] < NEAR_TAU_M
     if near.any() and not near.all():
         return reference, ()
     return Reference(name, truth, feet, places), (
@@ -252,6 +190,17 @@ def _reference(
         "near, and an ROC needs both kinds: P(near) is of all people and all places where a "
         "vehicle was, whatever the time.",
     )
+
+
+def _same_frame(people: Detections, vehicles: Detections) -> Meetings:
+    """Everybody with every vehicle of the same frame."""
+    order = np.argsort(vehicles.frame, kind="stable")
+    frames = vehicles.frame[order]
+    begin, end = (np.searchsorted(frames, people.frame, side=side) for side in ("left", "right"))
+    person = np.repeat(np.arange(len(people)), end - begin)
+    vehicle = np.concatenate([np.empty(0, int), *map(np.arange, begin, end)])
+    rows = np.column_stack([person, order[vehicle]])
+    return Meetings(people.box_foot_uv, vehicles.box_foot_uv, rows)
 
 
 def _on_ground(truth: GroundMap, found: Detections) -> Detections:

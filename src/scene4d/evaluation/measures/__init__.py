@@ -1,0 +1,1 @@
+"""Measures of error and of probability: functions of arrays, and of a calibration."""

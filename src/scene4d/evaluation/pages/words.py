@@ -1,0 +1,277 @@
+"""What an evaluation says in words: verdict, paragraphs, captions, with numbers from the data."""
+
+import numpy as np
+
+from scene4d.core.ground_map import GroundMap
+from scene4d.drawing.words import number
+from scene4d.evaluation.pages.charts import auc_text, height_text, near_share, roc_outcomes
+from scene4d.evaluation.pages.headline import Headline, headlines
+from scene4d.evaluation.pages.pictures import MAX_PEOPLE
+from scene4d.evaluation.trials.outcomes import Evaluation, Setting
+
+HEADINGS = {
+    "points": "Where it was measured",
+    "consensus": "The inliers of the paper’s method",
+    "ground_paper": "The ground by the paper’s method",
+    "ground_joint": "The ground by the joint method",
+    "ground_other": "The estimated ground",
+    "alignment": "True and estimated places from above",
+    "near": "P(near) over distance",
+    "roc": "Telling near from far (ROC)",
+}
+"""Headings of the figures, in the order of the page."""
+_ALT = {
+    "points": "The scene with numbered points on the ground.",
+    "consensus": "The scene with people as lines from foot to head, inliers and outliers.",
+    "alignment": "Map of true and estimated points.",
+    "near": "Curve of P(near) over distance beside the share of pairs that is truly near.",
+    "roc": "ROC curves for several assumed heights of people.",
+}
+_GROUND_ALT = "The scene with the estimated grid on the ground beside the true one."
+
+
+def verdict(evaluation: Evaluation) -> str:
+    """One sentence with the errors of the methods."""
+    shown = headlines(evaluation)
+    if not shown:
+        return f"Nothing can be said about {evaluation.reference.name}: no line gave a result."
+    parts = [
+        f"{number(s.error.mean_m, 2)} ± {_metres(s.error.sd_m)} with {s.name}"
+        + (f" (given {s.setting.given})" if s.setting.given else "")
+        for s in shown
+    ]
+    text = f"Places on the ground are off by {' and '.join(parts)}."
+    published = evaluation.published
+    if published is not None:
+        text += f" Published: {number(published.mean_m, 2)} ± {_metres(published.sd_m)}."
+    return text
+
+
+def paragraphs(evaluation: Evaluation) -> list[str]:
+    """What was measured and against what, how the methods compare, and what P(near) is worth."""
+    shown = headlines(evaluation)
+    texts = [
+        _measured(evaluation),
+        _compared(evaluation, shown),
+        _near_figures(shown),
+        f"{_published(evaluation)} {_left_out(evaluation)}".strip(),
+    ]
+    return [text for text in texts if text]
+
+
+def _measured(evaluation: Evaluation) -> str:
+    reference = evaluation.reference
+    truth = "map of the ground" if isinstance(reference.truth, GroundMap) else "camera"
+    where = " where people walked" if _walked(evaluation) else ""
+    return (
+        f"{len(reference.points_uv)} places, spread over the ground{where}, were located with each "
+        f"calibration and with the true {truth} of {reference.name}. The distance that is left "
+        "after the best shift and turn is the error; a wrong scale counts in full. ± is one "
+        "standard deviation over the places, as in the paper."
+    )
+
+
+def _compared(evaluation: Evaluation, shown: tuple[Headline, ...]) -> str:
+    if not shown:
+        return ""
+    names = " and ".join(f"{s.name} ({_basis(s)})" for s in shown)
+    parts = [f"The numbers above are those of {names}."]
+    by_method = {s.method: s for s in shown}
+    if {"paper", "joint"} <= set(by_method):
+        parts.append(compared(by_method["paper"], by_method["joint"]))
+    return " ".join(parts)
+
+
+def compared(paper: Headline, joint: Headline) -> str:
+    """Which of the two is closer, or that the points cannot tell: twice the standard error of
+    their mean difference, point by point.
+    """
+    apart = joint.error.distance_m - paper.error.distance_m
+    mean = float(apart.mean())
+    doubt = 2 * float(apart.std(ddof=1)) / np.sqrt(len(apart)) if len(apart) > 1 else np.inf
+    if abs(mean) <= doubt:
+        text = f"The two differ by {_metres(abs(mean))}, less than {len(apart)} points can tell."
+    else:
+        better = "further from" if mean > 0 else "closer to"
+        text = f"Here the joint method is {_metres(abs(mean))} {better} the truth."
+    if (paper.setting.given, paper.setting.footage) != (joint.setting.given, joint.setting.footage):
+        text += " They had different input, so this does not rank the methods."
+    return text
+
+
+def _near_figures(shown: tuple[Headline, ...]) -> str:
+    with_pairs = [(s, s.outcome.near) for s in shown if s.outcome.near is not None]
+    if not with_pairs:
+        return ""
+    pairs = with_pairs[0][1]
+    total, near = len(pairs.true_m), int(pairs.positive.sum())
+    text = (
+        f"Of {number(float(total), 0)} pairs of places {number(float(near), 0)} are truly within "
+        f"{pairs.tau_m:g} m."
+    )
+    for s, found in with_pairs:
+        brier = found.brier()
+        rank = "" if found.auc is None else f"an AUC of {auc_text(found.auc)} and "
+        text += (
+            f" {_upper(s.name)} has {rank}Brier scores of {brier['paper']:.4f} as in the paper, "
+            f"{brier['expected']:.4f} with the covariance, and {brier['below_tau']:.4f} for the "
+            "plain probability of being that near."
+        )
+    return (
+        f"{text} AUC depends on the order of distances alone; a wrong scale does not change it. "
+        "All pairs share one camera's errors, so a Brier score (0 is perfect) is a single draw."
+    )
+
+
+def _published(evaluation: Evaluation) -> str:
+    published = evaluation.published
+    if published is None:
+        return ""
+    return (
+        f"The paper reports {number(published.mean_m, 2)} ± {_metres(published.sd_m)} and an AUC "
+        f"of {published.auc:g} on this data set, from {published.frames} frames, on its own "
+        "points, with the orientation that its network found. Lines here that are given the true "
+        "orientation have an easier task."
+    )
+
+
+def _left_out(evaluation: Evaluation) -> str:
+    settings = evaluation.settings()
+    circular = sum(setting.circular for setting in settings)
+    refused = sum(all(o.error is None for o in evaluation.of(s)) for s in settings)
+    parts = []
+    if circular:
+        parts.append(
+            f"{circular} of {len(settings)} lines had circular input, made from the true camera: "
+            "they are shown in grey, and no claim rests on them."
+        )
+    if refused:
+        lines = "1 line gave" if refused == 1 else f"{refused} lines gave"
+        parts.append(f"{lines} no result; the reason is below the table.")
+    return " ".join(parts)
+
+
+def alternative(name: str) -> str:
+    """The alternative text of a figure, for readers who do not see it."""
+    return _ALT.get(name, _GROUND_ALT)
+
+
+def caption(name: str, evaluation: Evaluation) -> str:
+    """What a figure shows."""
+    shown = headlines(evaluation)
+    if name.startswith("ground_"):
+        return _ground(next(s for s in shown if s.ground_figure == name))
+    if name == "points":
+        return _points(evaluation)
+    if name == "consensus":
+        return _consensus(next(s for s in shown if s.method == "paper"))
+    if name == "alignment":
+        return _alignment(shown)
+    return _near(shown) if name == "near" else _roc(evaluation, shown)
+
+
+def _points(evaluation: Evaluation) -> str:
+    among = "places where people walked" if _walked(evaluation) else "all points given"
+    return (
+        f"The {len(evaluation.reference.points_uv)} correspondence points, numbered as in all "
+        f"figures: picked from {among}, each as far as possible on the ground from those before it."
+    )
+
+
+def _consensus(shown: Headline) -> str:
+    from scene4d.calibration.consensus import TOLERANCE_PX
+
+    found = shown.calibration
+    text = (
+        f"{_upper(_basis(shown))}. Solid lines with dots are inliers: people whose head is within "
+        f"{TOLERANCE_PX:g} pixels of where the estimated camera expects it. Dashed lines with "
+        "crosses are outliers."
+    )
+    if found.frames > 1:
+        text += f" People of {number(float(found.frames), 0)} frames lie over one picture."
+    if found.people > MAX_PEOPLE:
+        text += " An even sample of the people is drawn."
+    return text
+
+
+def _ground(shown: Headline) -> str:
+    error = shown.error.distance_m
+    worst = int(np.argmax(error))
+    return (
+        f"{_upper(_basis(shown))}. White: the grid of the estimated camera on the ground. Dashed: "
+        f"the true course of the same lines. Where the two part, {shown.name} is wrong: by "
+        f"{_metres(float(error.mean()))} on average over the points, and most, by "
+        f"{_metres(float(error[worst]))}, at point {worst + 1}."
+    )
+
+
+def _alignment(shown: tuple[Headline, ...]) -> str:
+    parts = []
+    for s in shown:
+        worst = int(np.argmax(s.error.distance_m))
+        parts.append(
+            f"{s.name} is off by {number(s.error.mean_m, 2)} ± {_metres(s.error.sd_m)}, most at "
+            f"point {worst + 1} ({_metres(float(s.error.distance_m[worst]))})"
+        )
+    return (
+        "Rings are the true places; the lines to the estimated ones are drawn to scale, after the "
+        f"best shift and turn, without scaling. {_upper('; '.join(parts))}."
+    )
+
+
+def _near(shown: tuple[Headline, ...]) -> str:
+    parts = [
+        "The curve is the paper’s P(near). With exact distances it would be a step. The marks are "
+        "what it should have been: the share of pairs at each estimated distance that are truly "
+        "near."
+    ]
+    for s in shown:
+        if s.outcome.near is None:
+            continue
+        half = near_share(s.outcome.near).falls_below(0.5)
+        if half is None:
+            continue
+        bias = half / s.outcome.near.tau_m - 1
+        text = f"With {s.name} the share falls through one half at {_metres(half)}"
+        if abs(bias) >= 0.01:
+            kind = "short" if bias < 0 else "long"
+            text += f": its distances come out {100 * abs(bias):.0f} % too {kind}"
+        parts.append(text + ".")
+    return " ".join(parts)
+
+
+def _roc(evaluation: Evaluation, shown: tuple[Headline, ...]) -> str:
+    parts = []
+    for s in shown:
+        curves = roc_outcomes(evaluation, s)
+        if not curves:
+            continue
+        low, high = (auc_text(f(roc.auc for _, roc in curves)) for f in (min, max))
+        parts.append(f"{s.name} {low}" + ("" if low == high else f" to {high}"))
+    return (
+        "A pair is positive where it is truly near; its score is P(near) of the estimated "
+        f"distance. AUC: {'; '.join(parts)}. Only the order of the distances counts, and a wrong "
+        "height of the people scales all distances alike: so the curves of a method hardly differ, "
+        "and an AUC near 1 does not say that distances are right."
+    )
+
+
+def _basis(shown: Headline) -> str:
+    """Footage, what was given, and the assumed height of people."""
+    s: Setting = shown.setting
+    given = f"; given: {s.given}" if s.given else ""
+    return f"{s.footage}{given}; people {height_text(shown.outcome.person_height_m)}\u00a0m"
+
+
+def _walked(evaluation: Evaluation) -> bool:
+    """Whether the reference's points are where people walked; a user's own may be anything."""
+    return evaluation.name != "custom"
+
+
+def _metres(value: float) -> str:
+    """Metres to the centimetre, with a gap that does not break."""
+    return f"{number(value, 2)}\u00a0m"
+
+
+def _upper(text: str) -> str:
+    return text[:1].upper() + text[1:]
