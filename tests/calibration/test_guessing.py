@@ -73,6 +73,19 @@ def test_a_guess_that_the_people_contradict_is_left_out(crowd, wrong):
     assert f"{name[:4]} {read:.0f}"[:7] in text and f"against {people:.1f} ±" in text
 
 
+def test_few_people_agree_and_the_pictures_contradict_them(crowd):
+    """Either alone is a warning; both together are no camera."""
+    strays = people_scene(CAMERA, 120, np.random.default_rng(0), noise=0.01, outliers=0.55)
+    segments = Segments.from_points(strays.foot_uv, strays.head_uv)
+    alone = solve(segments, orientation="people")
+    assert alone and alone.inliers < 0.6 * alone.people
+    assert solve(segments, belief_of(CAMERA))
+    found = solve(segments, belief_of(CAMERA, tilt_deg=25.0))
+    assert not found and found.camera is None and found.covariance is None
+    assert "agree with one camera" in found.reason and "contradicts it" in found.reason
+    assert "against" in network_words(found)[0]
+
+
 def test_asked_for_by_name_it_is_kept_and_the_contradiction_is_named(crowd):
     wrong = belief_of(CAMERA, tilt_deg=25.0, sigma=0.7)
     alone, kept = solve(crowd, orientation="people"), solve(crowd, wrong, orientation="network")

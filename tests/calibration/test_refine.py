@@ -290,6 +290,15 @@ def test_someone_who_stands_still_counts_once():
     np.testing.assert_allclose(slow.sum(), 10, atol=1)
 
 
+def test_places_of_one_person_are_correlated():
+    """Kish's design effect: twenty places of one person count as 20 / (1 + 19 c)."""
+    foot = np.array([0.06 * np.arange(20), np.zeros(20)])
+    track, length = np.zeros(20, int), np.full(20, 0.2)
+    for correlation in (0.0, 0.12, 1.0):
+        weight = position_weights(foot, length, track, correlation)
+        assert weight.sum() == pytest.approx(20 / (1 + 19 * correlation))
+
+
 def test_weights_follow_their_rows():
     rng = np.random.default_rng(0)
     foot, track = rng.uniform(0, 0.3, (60, 2)), rng.integers(0, 6, 60)

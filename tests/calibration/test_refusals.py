@@ -1,16 +1,20 @@
 """What cannot be calibrated: the reason is said, and what would help."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scenes import draw_scene, parameters_of, solve_points
 from trials import solve_untyped
 
 from scene4d import solve_camera
+from scene4d.calibration import CalibrateOptions, person_segments, solve_segments
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Segments
-from strategies import build_camera, build_lens
+from scene4d.formats.demo import demo_detections
+from strategies import build_camera, build_lens, people_scene
 
 SIZE = (1280, 720)
 FOOT = np.array([[100.0, 300.0], [320.0, 400.0], [500.0, 450.0], [700.0, 600.0]])
@@ -191,6 +195,46 @@ def test_warnings_say_what_the_camera_rests_on():
     found = solved(long)
     if found and found.sigma["focal_px"] > 0.15 * found.camera.focal_px:
         assert any("focal length is known to ±" in text for text in found.warnings)
+
+
+def cut_out(seed: int) -> Segments:
+    """The people of the PETS table, each frame cut out at a random place: no camera sees this."""
+    people = person_segments(demo_detections())
+    rng, (width, height) = np.random.default_rng(seed), demo_detections().image_size
+    size = np.array([width, height]) / 2
+    parts = []
+    for frame in np.repeat(np.unique(people.frame), 3):
+        corner, seen = rng.uniform(0, size), people.select(people.frame == frame)
+        ends = [(uv - corner) * SIZE[0] / size[0] for uv in (seen.foot_uv, seen.head_uv)]
+        inside = np.all([(uv > 0) & (uv < (1280, 960)) for uv in ends], axis=(0, 2))
+        parts.append(replace(seen, foot_uv=ends[0], head_uv=ends[1]).select(inside))
+    return Segments.joined(parts)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_film_that_no_fixed_camera_took(seed):
+    found = solve_segments(cut_out(seed), (1280, 960), CalibrateOptions(orientation="people"))
+    assert not found
+    assert "across the picture's diagonal, which hardly any fixed camera has" in found.reason
+    assert "a lens file (lens)" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("camera", "reason"),
+    [
+        (build_camera(build_lens(SIZE, 9.0), 12.0, 0.0, 25.0), "diagonal, which hardly any"),
+        (build_camera(build_lens(SIZE, 30.0), 45.0, 0.0, 94.0), "m above the ground, where hardly"),
+    ],
+    ids=["long lens", "high"],
+)
+def test_what_hardly_any_camera_is_must_be_told(camera, reason):
+    people = people_scene(camera, 300, np.random.default_rng(0), noise=0.005, noise_px=0.1)
+    points = {"foot_uv": people.foot_uv, "head_uv": people.head_uv, "image_size": SIZE}
+    assert reason in (solve_camera(**points).reason or "")
+    told = Orientation(camera.focal_px, camera.tilt_rad, 0.0, 5.0, np.inf, np.inf)
+    found = solve_camera(**points, prior=told)
+    assert found, found.reason
+    assert found.camera.height_m == pytest.approx(camera.height_m, rel=0.1)
 
 
 # --- what is no input at all ---

@@ -1,6 +1,7 @@
 """``solve_camera``: known people and noise in, errors of the expected size out."""
 
 import tracemalloc
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -292,6 +293,42 @@ def test_shared_errors_widen_what_is_stated_and_nothing_else():
     assert wide.ground_error_m["median"] > 1.2 * plain.ground_error_m["median"]
 
 
+def test_few_tracks_on_real_footage_count_less_than_as_many_strangers(monkeypatch):
+    """What one person gets wrong (gait, posture) repeats itself: thirty places of each of ten
+    people count as 30 / (1 + 29 · 0.12) = 6.7, and sigma is 2.1 times that of bare points.
+    """
+    monkeypatch.setattr("scene4d.calibration.uncertainty._SYSTEMATICS", ())
+    scene = draw_scene(4, 300, tracks=10)
+    people, size = _segments(scene), scene.camera.image_size
+    bare, real = (
+        solve_points(people, size, estimate_distortion=False, systematics=real)
+        for real in (False, True)
+    )
+    ratio = sigmas_of(real)[:3] / sigmas_of(bare)[:3]
+    assert (ratio > 1.5).all() and (ratio < 2.7).all(), ratio
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_boxes_that_shrink_with_distance_as_measured_are_within_sigma(seed):
+    """Boxes change by 3 to 5 % between near and far (METHOD section 2), twice what bodies do."""
+    scene = draw_scene(seed, 400, fov_deg=50.0, tilt_deg=20.0, height_m=6.0, noise=0.01)
+    camera, people = scene.camera, scene.people
+    length = np.hypot(*(people.head_uv - people.foot_uv).T)
+    shrink = 0.06 * (np.log(length) - np.median(np.log(length)))
+    heads = people.head_uv, people.head_uv + shrink[:, None] * (people.head_uv - people.foot_uv)
+    true, off = (
+        solve_points(
+            Segments.from_points(people.foot_uv, head, track=people.track, from_box=True),
+            camera.image_size,
+            lens=camera.lens,
+            systematics=True,
+        )
+        for head in heads
+    )
+    z = (parameters_of(off.camera) - parameters_of(true.camera))[1:4] / sigmas_of(off)[1:4]
+    assert 0.5 < np.abs(z).max() < 1.3
+
+
 def test_boxes_with_a_known_focal_length():
     """Boxes drawn around sampled bodies, not with the model: the camera comes out nonetheless."""
     from test_body import silhouette
@@ -315,6 +352,56 @@ def test_boxes_with_a_known_focal_length():
     assert error[3] < 0.03
     wrong = np.abs(parameters_of(misread.camera) - parameters_of(camera))
     assert wrong[1] > error[1]
+
+
+@pytest.mark.parametrize("method", ["joint", "paper"])
+def test_a_camera_below_the_heads(method):
+    """1.20 m above the ground: the heads of people of 1.70 m lie above the horizon."""
+    size, errors, sigma = (1280, 720), [], []
+    camera = build_camera(build_lens(size, 60.0), 4.0, 1.0, 1.2)
+    prior = Orientation(camera.focal_px, camera.tilt_rad, camera.roll_rad)
+    for seed in range(6):
+        people = people_scene(camera, 150, np.random.default_rng(seed), noise=0.01)
+        horizon = camera.K[1, 2] - camera.focal_px * np.tan(camera.tilt_rad)
+        assert (people.head_uv[:, 1] < horizon + 30).all()
+        found = solve_camera(
+            people.foot_uv,
+            people.head_uv,
+            image_size=size,
+            method=method,
+            prior=prior if method == "paper" else None,
+            track=np.arange(150),
+        )
+        assert found, found.reason
+        errors.append(found.camera.height_m - 1.2)
+        sigma.append(found.sigma["height_m"])
+    assert np.abs(np.mean(errors)) < 0.06
+    assert np.median(sigma) < 0.1
+
+
+def test_sightings_without_a_track_may_all_be_one_person():
+    """A man of 1.84 m seen 296 times puts the camera 8 % too high: sigma must know it."""
+    z, ratio = [], []
+    for seed in range(8):
+        scene = draw_scene(seed, 296, height_sigma=0.0, noise=0.01)
+        people, size = scene.people, scene.camera.image_size
+        points = {"foot_uv": people.foot_uv, "head_uv": people.head_uv, "image_size": size}
+        unknown = solve_camera(**points, person_height_m=1.70 * 1.70 / 1.84)
+        one = solve_camera(**points, person_height_m=1.70 * 1.70 / 1.84, track=np.zeros(296, int))
+        z.append((unknown.camera.height_m - scene.camera.height_m) / unknown.sigma["height_m"])
+        ratio.append(unknown.sigma["height_m"] / one.sigma["height_m"])
+    assert -2.5 < np.median(z) < -0.8
+    assert 0.7 < np.median(ratio) < 1.4
+
+
+def test_people_of_one_frame_are_different_people():
+    scene = draw_scene(2, 100)
+    people = replace(_segments(scene), track=np.full(100, -1))
+    one_frame = solve_points(people, scene.camera.image_size)
+    apart = solve_points(replace(people, frame=np.arange(100)), scene.camera.image_size)
+    height = scene.camera.height_m
+    added = apart.sigma["height_m"] ** 2 - one_frame.sigma["height_m"] ** 2
+    assert added == pytest.approx((height * 0.09 / 1.7) ** 2, rel=0.15)
 
 
 # --- sizes ---
