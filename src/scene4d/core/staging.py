@@ -1,5 +1,7 @@
 """All files of a result, or none of them."""
 
+import os
+import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -25,27 +27,86 @@ def ensure_folder(path: str | Path) -> Path:
 def staged(out: Path, names: Sequence[str], last: str) -> Iterator[Path]:
     """A folder beside the target to write into; at the end its files ``names`` go to ``out``.
 
-    An earlier result survives a full disk and Ctrl-C. The old result goes as the new one comes
-    (a file of ``names`` that was not written is removed), and ``last`` is taken away first and
-    comes last: a folder that has it is complete. Raises :class:`OutputError` naming ``out``.
+    The earlier result survives whatever fails, Ctrl-C included: every target is checked before the
+    first is touched, and what was moved already is moved back. ``last`` is replaced after all the
+    others. Files of ``names`` that were not written this time are removed. Raises
+    :class:`OutputError` naming the file.
     """
     try:
-        with tempfile.TemporaryDirectory(dir=out, prefix=".scene4d-") as staging:
+        with tempfile.TemporaryDirectory(dir=out, prefix=".scene4d-") as made:
+            staging = Path(made)
             try:
-                yield Path(staging)
+                yield staging
             except OutputError as error:
-                raise OutputError(str(error).replace(staging, str(out))) from error
-            _move(Path(staging), out, names, last)
+                raise OutputError(str(error).replace(made, str(out))) from error
+            written = [name for name in (*names, last) if (staging / name).exists()]
+            install({staging / name: out / name for name in written})
+            for name in set(names) - set(written):
+                (out / name).unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"{out}: cannot be written: {error.strerror}") from error
 
 
-def _move(staging: Path, out: Path, names: Sequence[str], last: str) -> None:
-    (out / last).unlink(missing_ok=True)
-    for name in names:
-        if (staging / name).exists():
-            (out / name).parent.mkdir(exist_ok=True)
-            (staging / name).replace(out / name)
-        else:
-            (out / name).unlink(missing_ok=True)
-    (staging / last).replace(out / last)
+def install(target_of: dict[Path, Path]) -> None:
+    """Move new files to their targets, in order: all of them, or everything stays as it was.
+
+    New files and targets lie on one file system; a missing folder of a target is made where its
+    parent exists. Raises :class:`OutputError` naming the target.
+    """
+    for new, target in target_of.items():
+        with _naming(target):
+            _check(target)
+            _flush(new)
+    moved: dict[Path, Path | None] = {}
+    try:
+        for new, target in target_of.items():
+            with _naming(target):
+                moved[target] = _kept(target, new.with_name(f"{new.name}.before"))
+                new.replace(target)
+    except BaseException:
+        for target, before in reversed(moved.items()):
+            _move_back(target, before)
+        raise
+    for before in moved.values():
+        if before is not None:
+            before.unlink()
+
+
+def _check(target: Path) -> None:
+    target.parent.mkdir(exist_ok=True)
+    if target.is_dir():
+        raise OutputError(f"{target}: cannot be written: is a folder")
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise OutputError(f"{target}: cannot be written: its folder is read-only")
+
+
+def _flush(new: Path) -> None:
+    """Bring a file's content to the disk, so that no power failure leaves an empty target."""
+    with new.open("rb") as file:
+        os.fsync(file.fileno())
+
+
+def _kept(target: Path, before: Path) -> Path | None:
+    """A second name for what is at the target, which stays there; None where nothing is."""
+    if not target.exists():
+        return None
+    try:
+        before.hardlink_to(target)
+    except OSError:  # a file system without links
+        shutil.copy2(target, before)
+    return before
+
+
+def _move_back(target: Path, before: Path | None) -> None:
+    if before is None:
+        target.unlink(missing_ok=True)
+    elif before.exists():
+        before.replace(target)
+
+
+@contextmanager
+def _naming(target: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"{target}: cannot be written: {error.strerror}") from error
