@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from scene4d.core.body import HEIGHT_SIGMA_M
 from scene4d.core.camera import Camera
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
@@ -26,7 +27,6 @@ from scene4d.formats.cameras import read_camera
 from scene4d.perception.people import PeopleDetector, detect_people
 from scene4d.tracking.people import (
     BODY_SIGMA_M,
-    HEIGHT_SIGMA_M,
     explain_people,
     implied_height_m,
     locate_people,

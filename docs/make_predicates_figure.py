@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from scene4d.core.people import HALPE26
+from scene4d.core.body import HALPE26
 from scene4d.core.tracks import Tracks
 from scene4d.searching.predicates import Stage
 from scene4d.searching.predicates.registry import PREDICATES

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from tests.strategies import build_camera, build_lens, people_scene
 
+from scene4d.core.body import HALPE26
 from scene4d.core.camera import Camera
-from scene4d.core.people import HALPE26, Detections
+from scene4d.core.people import Detections
 
 FOOT_Z = 0.04
 

@@ -7,12 +7,11 @@ from hypothesis import strategies as st
 from scenes import FOOT_HEIGHT_M, parameters_of, solver_points
 
 from scene4d.calibration.body import (
-    BODY_RADIUS_M,
-    HEAD_RADIUS_M,
     predict_heads,
     undistort,
     up_vector,
 )
+from scene4d.core.body import BODY_RADIUS_M, HEAD_RADIUS_M
 from scene4d.core.camera import Camera
 from strategies import build_camera, build_lens, ground_in_view
 

@@ -7,8 +7,9 @@ import pytest
 from scenes import draw_scene, solve_points
 
 from scene4d.calibration import person_segments
-from scene4d.calibration.segments import MIN_KEYPOINT_SCORE, MIN_LENGTH_PX
-from scene4d.core.people import COCO17, HALPE26, Detections
+from scene4d.calibration.segments import MIN_LENGTH_PX
+from scene4d.core.body import COCO17, HALPE26, MIN_KEYPOINT_SCORE
+from scene4d.core.people import Detections
 
 SIZE = (640, 480)
 FEET = [i for i, name in enumerate(HALPE26) if name.endswith(("toe", "heel"))]

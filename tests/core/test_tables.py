@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from jaxtyping import config
 
+from scene4d.core.body import COCO17, FOOT_HEIGHT_M, HALPE26
 from scene4d.core.errors import InputError
-from scene4d.core.people import COCO17, HALPE26, Detections, Segments
+from scene4d.core.people import Detections, Segments
 
 SIZE = (640, 480)
 NAMES = ("head_top", "feet")
@@ -189,3 +190,11 @@ def test_skeletons_are_in_the_order_of_their_data_sets():
     assert COCO17[0] == "nose"
     assert COCO17[15:] == ("left_ankle", "right_ankle")
     assert len(COCO17) == 17
+
+
+def test_feet_stand_on_the_ground_or_a_little_above():
+    """W4: people.parquet put keypoints of feet onto Z = 0, the solver onto 0.04 m."""
+    points = Segments.from_points(np.zeros((2, 2)), np.ones((2, 2)))
+    assert points.foot_height_m.tolist() == [FOOT_HEIGHT_M, FOOT_HEIGHT_M] == [0.04, 0.04]
+    boxes = Segments.from_points(np.zeros((2, 2)), np.ones((2, 2)), from_box=True)
+    assert boxes.foot_height_m.tolist() == [0.0, 0.0]

@@ -7,8 +7,8 @@ import time
 import numpy as np
 import pytest
 
+from scene4d.core.body import COCO17
 from scene4d.core.errors import InputError
-from scene4d.core.people import COCO17
 from scene4d.formats.annotations import annotation_formats, read_annotations
 from scene4d.formats.cameras import read_camera
 

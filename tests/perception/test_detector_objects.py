@@ -6,7 +6,7 @@ import supervision as sv
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene4d.core.people import HALPE26
+from scene4d.core.body import HALPE26
 from scene4d.core.tracks import CLASSES
 from scene4d.perception.objects import ObjectDetector, one_per_vehicle
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene4d.core.people import HALPE26
+from scene4d.core.body import HALPE26
 from scene4d.perception.keypoints import _crops, crop_transforms, decode_simcc
 
 BOX = st.tuples(

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import supervision as sv
 
+from scene4d.core.body import HALPE26
 from scene4d.core.errors import InputError
-from scene4d.core.people import HALPE26
 from scene4d.perception.people import PeopleDetector, detect_people
 from scene4d.perception.stationary import stationary
 from scene4d.perception.tracking import Tracker

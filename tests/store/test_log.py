@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from scene4d.core.body import HALPE26
 from scene4d.core.errors import InputError, OutputError
-from scene4d.core.people import HALPE26, Detections
+from scene4d.core.people import Detections
 from scene4d.store.log import DetectionLog, Logged
 
 SETTINGS = {"source": {"name": "a.avi", "size": 12}, "detector": "yolox", "thresholds": (0.1, 0.5)}

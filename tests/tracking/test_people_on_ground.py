@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from tests import strategies
 
 from bodies import Crowd, cameras, crowd, with_boxes, with_keypoints
+from scene4d.core.body import COCO17, HALPE26
 from scene4d.core.errors import InputError
-from scene4d.core.people import COCO17, HALPE26, Detections
+from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
 from scene4d.tracking.people import explain_people, implied_height_m, locate_people
 from scene4d.tracking.people_points import DRAWN_BOX_SHARE

@@ -27,10 +27,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float
 
-BODY_RADIUS_M = 0.25
-"""From the axis of a walking body to the rim that a box's bottom edge touches."""
-HEAD_RADIUS_M = 0.10
-"""Radius of the head's sphere, touched by a box's top edge."""
+from scene4d.core.body import BODY_RADIUS_M, HEAD_RADIUS_M
 
 N_PARAMETERS = 5
 FOCAL, TILT, ROLL, HEIGHT, CORNER = range(N_PARAMETERS)

@@ -3,15 +3,13 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from scene4d.core.body import FOOT_HEIGHT_M, PERSON_HEIGHT_M
 from scene4d.core.camera import Lens
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
-from scene4d.core.people import PERSON_HEIGHT_M
 
 METHODS = ("joint", "paper")
 CONSENSUS = ("exact", "ransac")
-FOOT_HEIGHT_M = 0.04
-"""Height of the feet keypoints (heel and toes) above the ground (METHOD section 3)."""
 _POPULATION_SIGMA_M = 0.03
 """How well the mean height of the people in front of a camera is known. Chosen: national means of
 adults of both sexes differ by about this much (METHOD section 4)."""

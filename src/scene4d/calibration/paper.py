@@ -15,7 +15,7 @@ from scene4d.calibration.consensus import (
     ransac_consensus,
 )
 from scene4d.calibration.linear import height_system
-from scene4d.calibration.refine import HEIGHT_SIGMA_M
+from scene4d.core.body import HEIGHT_SIGMA_M
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.geometry import locate, project, rotation_from_tilt_roll

@@ -26,14 +26,13 @@ from jaxtyping import Bool, Float, Int
 from scene4d.calibration.body import N_PARAMETERS, Points, predict_heads
 from scene4d.calibration.lines import Lines, LineTerms, line_terms
 from scene4d.calibration.prior import Prior
+from scene4d.core.body import HEIGHT_SIGMA_M
 
 _HEIGHT_LOSS_WIDTH = 3.0
 """Geman-McClure width of a track's height, in standard deviations."""
 SHORT_RANGE, TURN_RANGE = 1.2, 0.8
 """Range of log length (truncation down to 30 %) and of direction (radians) of outliers."""
 _SHORT_FROM, _SHORT_EDGE = 1.0, 0.5  # where "too short" begins, and its softness, in sigmas
-HEIGHT_SIGMA_M = 0.09
-"""Spread of adults' heights (METHOD section 4)."""
 _N = N_PARAMETERS + 1  # the camera, and the azimuth of the lines
 _AZIMUTH_RIDGE = 1e-2  # an azimuth that no line tells must not make the system singular
 _PRIOR_COUNT = 10.0

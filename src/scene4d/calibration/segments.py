@@ -3,19 +3,14 @@
 import numpy as np
 from jaxtyping import Bool, Float
 
+from scene4d.core.body import BORDER_PX, HEAD_TOP, LEFT_FOOT, MIN_KEYPOINT_SCORE, RIGHT_FOOT
 from scene4d.core.people import Detections, Segments
 
-MIN_KEYPOINT_SCORE = 0.3
-"""Feet, head and trunk must be seen at least this surely (truncated feet score about 0.1)."""
-_BORDER_PX = 2.0
-"""A box that comes this near to the image's border may be cut by it."""
 MIN_LENGTH_PX = 15.0
 """Shorter people carry more noise than news."""
 
 _TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
-_LEFT_FOOT = ("left_big_toe", "left_small_toe", "left_heel")
-_RIGHT_FOOT = ("right_big_toe", "right_small_toe", "right_heel")
-_NEEDED = ("head_top", *_LEFT_FOOT, *_RIGHT_FOOT, *_TRUNK)
+_NEEDED = (HEAD_TOP, *LEFT_FOOT, *RIGHT_FOOT, *_TRUNK)
 
 
 def missing_keypoints(detections: Detections) -> list[str]:
@@ -67,8 +62,8 @@ def _from_keypoints(people: Detections) -> Segments:
     def mean_of(names: tuple[str, ...]) -> np.ndarray:
         return people.keypoint_uv[:, [index[name] for name in names]].mean(axis=1)
 
-    foot = (mean_of(_LEFT_FOOT) + mean_of(_RIGHT_FOOT)) / 2
-    head = people.keypoint_uv[:, index["head_top"]]
+    foot = (mean_of(LEFT_FOOT) + mean_of(RIGHT_FOOT)) / 2
+    head = people.keypoint_uv[:, index[HEAD_TOP]]
     seen = people.keypoint_score[:, [index[name] for name in _NEEDED]].min(axis=1)
     keep = (seen > MIN_KEYPOINT_SCORE) & _inside(people, foot) & _inside(people, head)
     return _segments(people, foot, head, keep, from_box=False)
@@ -86,10 +81,10 @@ def _from_boxes(people: Detections) -> Segments:
     middle = (x1 + x2) / 2
     width, height = people.image_size
     cut = (
-        (x1 < _BORDER_PX)
-        | (y1 < _BORDER_PX)
-        | (x2 > width - 1 - _BORDER_PX)
-        | (y2 > height - 1 - _BORDER_PX)
+        (x1 < BORDER_PX)
+        | (y1 < BORDER_PX)
+        | (x2 > width - 1 - BORDER_PX)
+        | (y2 > height - 1 - BORDER_PX)
     )
     return _segments(
         people,

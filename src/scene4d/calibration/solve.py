@@ -10,15 +10,16 @@ from scene4d.calibration.body import FOCAL, HEIGHT
 from scene4d.calibration.case import Case, ImageFrame, different_people, ground_errors
 from scene4d.calibration.joint import position_weights, solve
 from scene4d.calibration.lines import Lines
-from scene4d.calibration.options import FOOT_HEIGHT_M, POINTS, CalibrateOptions
+from scene4d.calibration.options import POINTS, CalibrateOptions
 from scene4d.calibration.paper import paper_calibration
 from scene4d.calibration.prior import Prior, default_prior
-from scene4d.calibration.refine import HEIGHT_SIGMA_M, Problem, State, linearise, spreads
+from scene4d.calibration.refine import Problem, State, linearise, spreads
 from scene4d.calibration.uncertainty import covariance
+from scene4d.core.body import FOOT_HEIGHT_M, HEIGHT_SIGMA_M, PERSON_HEIGHT_M
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
-from scene4d.core.people import PERSON_HEIGHT_M, Segments
+from scene4d.core.people import Segments
 
 TRACK_CORRELATION = 0.12
 """Of one person's errors across the body in different places (gait, posture); PETS has 0.11

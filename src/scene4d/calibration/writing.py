@@ -102,7 +102,7 @@ def _people_table(found: Calibration) -> dict[str, np.ndarray]:
     nowhere = np.full((n, 2), np.nan)
     on_ground = nowhere
     if found and found.camera is not None:
-        on_ground = found.camera.locate(segments.foot_uv)[0]
+        on_ground = found.camera.locate(segments.foot_uv, segments.foot_height_m)[0]
     return {
         "frame": segments.frame,
         "time_s": segments.time_s,

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from scene4d.core.body import HALPE26
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
-from scene4d.core.people import HALPE26
 
 if TYPE_CHECKING:
     from scene4d.formats.scenes import GeoAnchor, SceneTable

@@ -5,7 +5,7 @@ from pathlib import Path
 from rich.table import Table
 
 from scene4d.cli.output import screen
-from scene4d.core.people import PERSON_HEIGHT_M
+from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation
 from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Setting
 

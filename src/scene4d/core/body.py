@@ -1,16 +1,17 @@
 """The one model of people's bodies: heights, radii, keypoints, and when a point counts as seen."""
 
 PERSON_HEIGHT_M = 1.70
-"""Mean height of adults, shoes included, where nothing else is said. Of the world's adult
-populations most lie between 1.60 and 1.78 m (NCD-RisC 2016); shoes add 2 to 3 cm."""
+"""Mean height (m) of adults where nothing else is said, shoes (about 2.5 cm) included. Chosen
+between the means of men and women; populations differ by 0.1 m and more (docs/method.md)."""
 HEIGHT_SIGMA_M = 0.09
-"""Standard deviation (m) of adults' heights, men and women together (METHOD.md, section 4)."""
+"""Standard deviation (m) of adults' heights, men and women together: about 0.07 m within each, and
+0.13 m between their means."""
 FOOT_HEIGHT_M = 0.04
-"""Height (m) of the feet's keypoints (mean of toes and heel) above the ground (METHOD.md, section
-3). The bottom of a box lies on the ground."""
+"""Height (m) of the feet's keypoints (mean of toes and heel) above the ground: inside the shoe, not
+under it. Chosen by hand; the bottom of a box lies on the ground."""
 BODY_RADIUS_M = 0.25
 """Distance (m) from the axis of a walking body to the rim that a box's bottom edge touches
-(METHOD.md, section 3; chosen by hand on the tuning cameras)."""
+(docs/method.md; chosen by hand on the tuning cameras)."""
 HEAD_RADIUS_M = 0.10
 """Radius (m) of the sphere that stands for the head, which a box's top edge touches (as above)."""
 

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.camera import SCHEMA, Camera
 from scene4d.core.errors import InputError
 from scene4d.core.files import read_json
-from scene4d.core.people import PERSON_HEIGHT_M, Segments
+from scene4d.core.people import Segments
 from scene4d.core.points import PointsLike, as_points
 
 PARAMETERS: tuple[str, ...] = (

@@ -13,7 +13,7 @@ def read_json(path: str | os.PathLike[str]) -> Any:
     """What a JSON file holds; raises :class:`InputError` where it cannot be read or is no JSON."""
     path = Path(path)
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
     except (ValueError, RecursionError) as error:

@@ -96,13 +96,15 @@ class JsonObject:
         """A whole number of at least ``least``."""
         value = self.value(name)
         if type(value) is not int or not least <= value <= _LARGEST_INTEGER:
-            raise self.error(name, _range("a whole number", least, -np.inf, np.inf))
+            raise self.error(name, _range("a whole number", float(least), -np.inf, np.inf))
         return value
 
     def array(self, name: str, *shape: int | None) -> Float[np.ndarray, "..."]:
         """Finite numbers in lists of lists of this shape; None stands for any length."""
         found = _array(self.value(name), len(shape))
-        if found is None or any(n not in (None, m) for n, m in zip(shape, found.shape, strict=True)):
+        if found is None or any(
+            n not in (None, m) for n, m in zip(shape, found.shape, strict=True)
+        ):
             size = "x".join("n" if n is None else str(n) for n in shape)
             raise self.error(name, f"{size} finite numbers")
         return found

@@ -6,24 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from scene4d.core.body import COCO17 as COCO17
+from scene4d.core.body import FOOT_HEIGHT_M
+from scene4d.core.body import HALPE26 as HALPE26
+from scene4d.core.body import PERSON_HEIGHT_M as PERSON_HEIGHT_M
 from scene4d.core.columns import Columns
 from scene4d.core.errors import InputError
-
-HALPE26: tuple[str, ...] = (
-    "nose", "left_eye", "right_eye", "left_ear", "right_ear",
-    "left_shoulder", "right_shoulder", "left_elbow", "right_elbow", "left_wrist", "right_wrist",
-    "left_hip", "right_hip", "left_knee", "right_knee", "left_ankle", "right_ankle",
-    "head_top", "neck", "pelvis",
-    "left_big_toe", "right_big_toe", "left_small_toe", "right_small_toe",
-    "left_heel", "right_heel",
-)  # fmt: skip
-"""Names of the 26 Halpe keypoints, in order."""
-COCO17: tuple[str, ...] = HALPE26[:17]
-"""Names of the 17 COCO keypoints, in order."""
-
-
-PERSON_HEIGHT_M = 1.70
-"""Mean height of people, shoes included, where nothing else is said."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +127,11 @@ class Segments(Columns):
 
     def __post_init__(self) -> None:
         self.check_rows("segments")
+
+    @property
+    def foot_height_m(self) -> Float[np.ndarray, "n"]:
+        """Height above the ground of what ``foot_uv`` shows: keypoints of feet, or a box's edge."""
+        return np.where(self.from_box, 0.0, FOOT_HEIGHT_M)
 
     @classmethod
     def from_points(

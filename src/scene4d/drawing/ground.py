@@ -11,8 +11,6 @@ from jaxtyping import Bool, Float, Int
 from scene4d.core.camera import Camera
 from scene4d.core.people import Segments
 
-_FOOT_HEIGHT_M = 0.04
-"""Feet keypoints lie this much above the ground (METHOD.md, section 3); box bottoms lie on it."""
 _COARSEST_PIXEL_M = 1.0
 """Ground where one pixel spans more depth than this is not worth a picture."""
 _STEPS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)
@@ -40,11 +38,7 @@ class Area:
 
 def footprints(camera: Camera, segments: Segments) -> Float[np.ndarray, "n 2"]:
     """Ground position of every segment's foot; NaN where its ray meets no ground."""
-    return camera.locate(segments.foot_uv, _foot_height(segments))[0]
-
-
-def _foot_height(segments: Segments) -> Float[np.ndarray, "n"]:
-    return np.where(segments.from_box, 0.0, _FOOT_HEIGHT_M)
+    return camera.locate(segments.foot_uv, segments.foot_height_m)[0]
 
 
 def implied_heights(camera: Camera, segments: Segments) -> Float[np.ndarray, "n"]:

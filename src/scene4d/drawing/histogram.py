@@ -9,13 +9,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from scene4d.core.body import HEIGHT_SIGMA_M
 from scene4d.core.calibration import Calibration
 from scene4d.drawing import style
 from scene4d.drawing.ground import implied_heights, track_medians
 from scene4d.drawing.overlay import people_of
 
-HEIGHT_SIGMA_M = 0.09
-"""Standard deviation of adults' height (METHOD.md, section 4)."""
 _BIN_M = 0.025
 
 

@@ -8,17 +8,18 @@ from importlib.resources import as_file, files
 
 import numpy as np
 
+from scene4d.core.body import HEAD_TOP, LEFT_FOOT, RIGHT_FOOT
 from scene4d.core.people import Detections
 from scene4d.core.tables import read_table
 
 IMAGE_SIZE = (768, 576)
 FILE_NAME = "demo_people.parquet"
 _KEYPOINTS = (
-    "head_top",
-    "left_shoulder", "right_shoulder", "left_hip", "right_hip",
-    "left_big_toe", "left_small_toe", "left_heel",
-    "right_big_toe", "right_small_toe", "right_heel",
-)  # fmt: skip
+    HEAD_TOP,
+    *("left_shoulder", "right_shoulder", "left_hip", "right_hip"),
+    *LEFT_FOOT,
+    *RIGHT_FOOT,
+)
 """Those of Halpe's keypoints that an upright segment is made from."""
 
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from scene4d.core.people import HALPE26
+from scene4d.core.body import HALPE26
 from scene4d.perception.session import DEFAULT_THREADS, open_session
 from scene4d.perception.weights import weight_path
 

@@ -13,8 +13,9 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
+from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.errors import InputError
-from scene4d.core.people import PERSON_HEIGHT_M, Detections
+from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
 from scene4d.tracking.motion_model import (
     ACCELERATION,

@@ -22,8 +22,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from scene4d.core.body import HEIGHT_SIGMA_M, PERSON_HEIGHT_M
 from scene4d.core.camera import Camera
-from scene4d.core.people import PERSON_HEIGHT_M, Detections
+from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
 from scene4d.tracking.people_heading import body_headings
 from scene4d.tracking.people_placing import (
@@ -36,8 +37,6 @@ from scene4d.tracking.people_placing import (
 )
 from scene4d.tracking.people_points import BOTH_FEET, BOX_SHARE, HEAD, ONE_FOOT
 
-HEIGHT_SIGMA_M = 0.09
-"""Spread of the heights of adults."""
 BODY_SIGMA_M = 0.085
 """The middle of the body against that of its feet or head, on the ground."""
 _CONTRADICTION = 4.0

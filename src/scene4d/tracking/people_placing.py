@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
+from scene4d.core.body import FOOT_HEIGHT_M, PERSON_HEIGHT_M
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
-from scene4d.core.people import PERSON_HEIGHT_M, Detections
+from scene4d.core.people import Detections
 from scene4d.tracking.people_points import Ends, lower_ends, upper_ends
 from scene4d.tracking.rays import Level, Rays
 
-_FOOT_HEIGHT_M = 0.04
-"""Toes and heels stand this high above the ground."""
 _FLOOR_PX = 1.0
 """No point of the image is known better than this."""
 _TOO_UNSURE = 0.3
@@ -72,7 +71,7 @@ def on_the_ground(ends: Ends, rays: Rays) -> Placed:
     back = -rays.row_normal[:, :2]
     with np.errstate(all="ignore"):  # looking straight down no side is the near one
         back = back / np.hypot(back[:, 0], back[:, 1])[:, None]
-    level = rays.meet(np.where(ends.radius_m > 0, 0.0, _FOOT_HEIGHT_M))
+    level = rays.meet(np.where(ends.radius_m > 0, 0.0, FOOT_HEIGHT_M))
     behind = np.where(ends.radius_m[:, None] > 0, ends.radius_m[:, None] * back, 0.0)
     spread = ends.spread_m[:, None, None] ** 2 * np.eye(2)
     return _placed(ends, rays, level, behind, spread)

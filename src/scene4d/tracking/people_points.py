@@ -10,16 +10,16 @@ from dataclasses import dataclass, fields
 import numpy as np
 from jaxtyping import Bool, Float
 
+from scene4d.core.body import (
+    BODY_RADIUS_M,
+    BORDER_PX,
+    HEAD_RADIUS_M,
+    HEAD_TOP,
+    LEFT_FOOT,
+    MIN_KEYPOINT_SCORE,
+    RIGHT_FOOT,
+)
 from scene4d.core.people import Detections
-
-_MIN_KEYPOINT_SCORE = 0.3
-"""A point of the body that scores less is not seen (truncated feet score about 0.1)."""
-_BORDER_PX = 2.0
-"""A box that comes this near to the image's border may be cut by it."""
-BODY_RADIUS_M = 0.25
-"""From the axis of a walking body to the rim that a box's bottom edge touches."""
-HEAD_RADIUS_M = 0.10
-"""Radius of the head's sphere, touched by a box's top edge."""
 
 _FEET_SHARE = 0.025
 """Both feet, in any direction."""
@@ -38,9 +38,6 @@ _STEP_SIGMA_M = 0.17
 
 BOTH_FEET, ONE_FOOT, BOX_BOTTOM = "both feet", "one foot", "box bottom"
 HEAD, BOX_TOP = "head", "box top"
-_HEAD = ("head_top",)
-_LEFT_FOOT = ("left_big_toe", "left_small_toe", "left_heel")
-_RIGHT_FOOT = ("right_big_toe", "right_small_toe", "right_heel")
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +94,7 @@ def body_point(
     uv = detections.keypoint_uv[:, columns].mean(axis=1)
     last = np.array(detections.image_size) - 1
     inside = ((uv >= 0) & (uv <= last)).all(axis=1)
-    return uv, inside & (detections.keypoint_score[:, columns].min(axis=1) > _MIN_KEYPOINT_SCORE)
+    return uv, inside & (detections.keypoint_score[:, columns].min(axis=1) > MIN_KEYPOINT_SCORE)
 
 
 def lower_ends(detections: Detections, box_share: float) -> Ends:
@@ -105,15 +102,15 @@ def lower_ends(detections: Detections, box_share: float) -> Ends:
 
     Where the keypoints show a head and no foot, something hides the legs, and the box ends there.
     """
-    left, left_seen = body_point(detections, _LEFT_FOOT)
-    right, right_seen = body_point(detections, _RIGHT_FOOT)
+    left, left_seen = body_point(detections, LEFT_FOOT)
+    right, right_seen = body_point(detections, RIGHT_FOOT)
     ends = Ends.unseen(len(detections))
     ends.fill(left_seen & right_seen, BOTH_FEET, (left + right) / 2, _FEET_SHARE)
     for foot, seen in ((left, left_seen), (right, right_seen)):
         ends.fill(seen, ONE_FOOT, foot, _FEET_SHARE, spread_m=_STEP_SIGMA_M)
-    uncut = detections.box_xyxy[:, 3] <= detections.image_size[1] - 1 - _BORDER_PX
-    if set(_LEFT_FOOT + _RIGHT_FOOT) <= set(detections.keypoint_names):
-        uncut &= ~body_point(detections, _HEAD)[1]
+    uncut = detections.box_xyxy[:, 3] <= detections.image_size[1] - 1 - BORDER_PX
+    if set(LEFT_FOOT + RIGHT_FOOT) <= set(detections.keypoint_names):
+        uncut &= ~body_point(detections, (HEAD_TOP,))[1]
     ends.fill(
         uncut,
         BOX_BOTTOM,
@@ -126,12 +123,12 @@ def lower_ends(detections: Detections, box_share: float) -> Ends:
 
 def upper_ends(detections: Detections, box_share: float) -> Ends:
     """The top of the head, else the top of a box that the image's border does not cut."""
-    head, seen = body_point(detections, _HEAD)
+    head, seen = body_point(detections, (HEAD_TOP,))
     ends = Ends.unseen(len(detections))
     ends.fill(seen, HEAD, head, _HEAD_SHARE)
     x1, y1, x2, _ = detections.box_xyxy.T
     ends.fill(
-        y1 >= _BORDER_PX,
+        y1 >= BORDER_PX,
         BOX_TOP,
         np.column_stack([(x1 + x2) / 2, y1]),
         _box_share(detections, box_share),
@@ -142,5 +139,5 @@ def upper_ends(detections: Detections, box_share: float) -> Ends:
 
 def _box_share(detections: Detections, along: float) -> np.ndarray:
     x1, x2 = detections.box_xyxy[:, 0], detections.box_xyxy[:, 2]
-    cut = (x1 < _BORDER_PX) | (x2 > detections.image_size[0] - 1 - _BORDER_PX)
+    cut = (x1 < BORDER_PX) | (x2 > detections.image_size[0] - 1 - BORDER_PX)
     return np.column_stack([np.where(cut, _CUT_SHARE, _ACROSS_SHARE), np.full(len(cut), along)])

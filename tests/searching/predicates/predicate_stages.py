@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from scene4d.core.body import HALPE26
 from scene4d.core.camera import Camera
-from scene4d.core.people import HALPE26
 from scene4d.core.tracks import Tracks
 from scene4d.searching.predicates.rows import Rows, Stage
 

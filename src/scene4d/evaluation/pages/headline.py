@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
+from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
-from scene4d.core.people import PERSON_HEIGHT_M
 from scene4d.evaluation.measures.correspondence import CorrespondenceError
 from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Setting
 

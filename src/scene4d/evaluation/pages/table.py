@@ -4,8 +4,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.camera import Camera
-from scene4d.core.people import PERSON_HEIGHT_M
 from scene4d.drawing.words import number
 from scene4d.evaluation.datasets.reference import Published
 from scene4d.evaluation.pages.charts import auc_text, height_text

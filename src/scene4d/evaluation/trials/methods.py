@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from scene4d.calibration import person_segments
 from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.watching import Seen, solved
+from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.orientation import Orientation
-from scene4d.core.people import PERSON_HEIGHT_M
 from scene4d.evaluation.datasets.reference import Reference
 from scene4d.evaluation.trials.outcomes import PAPER_HEIGHTS_M, Outcome, Setting
 

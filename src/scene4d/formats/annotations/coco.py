@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from scene4d.core.body import COCO17, HALPE26
 from scene4d.core.errors import InputError
-from scene4d.core.people import COCO17, HALPE26, Detections
+from scene4d.core.people import Detections
 from scene4d.core.text import floats, read_text
 from scene4d.formats.annotations.boxes import Rows
 from scene4d.formats.annotations.contract import AnnotationFormat

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from scene4d.core.body import BODY_RADIUS_M, PERSON_HEIGHT_M
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.text import decimal, floats, read_text
@@ -22,7 +23,6 @@ from scene4d.formats.cameras.contract import CameraFormat, ImageSize
 from scene4d.formats.cameras.pinhole import decompose, require_z_up, size_for
 
 _CENTRED, _CORNER = "projectionMatrix_3x4", "projectionMatrix_3x4_w2p"
-PERSON_HEIGHT_M, PERSON_RADIUS_M = 1.70, 0.25
 # A person's height tells the unit of the file: (least, most, metres per unit).
 _UNITS = ((0.5, 3.0, 1.0), (50.0, 300.0, 0.01), (500.0, 3000.0, 0.001))
 
@@ -86,7 +86,7 @@ def _write(camera: Camera) -> str:
             "# The cylinder that stands for a person, in metres.",
             "modelInfo:",
             f"  height: {PERSON_HEIGHT_M}",
-            f"  radius: {PERSON_RADIUS_M}",
+            f"  radius: {BODY_RADIUS_M}",
             "",
         ]
     )

@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.core.people import HALPE26, PERSON_HEIGHT_M
+from scene4d.core.body import HALPE26, MIN_KEYPOINT_SCORE, PERSON_HEIGHT_M
 from scene4d.searching.predicates.gaussian import above
 from scene4d.searching.predicates.rows import Rows
 from scene4d.searching.predicates.turning import window
@@ -11,8 +11,6 @@ from scene4d.searching.predicates.turning import window
 _ARM_MPS = 0.4
 _ARM_SIGMA_MPS = 0.2
 _ARM_WINDOW_S = 0.6
-_LEAST_SCORE = 0.3
-"""Keypoints with a lower score are not there."""
 _KEYPOINT_SHARE = 0.02
 """Spread of a keypoint, as a share of the body's length in the picture."""
 _TORSO_SHARE = 0.29
@@ -75,7 +73,7 @@ def _arms(a: Rows, sign: float, speed_mps: float, window_s: float, sigma_mps: fl
 def _elevations(rows: Rows) -> np.ndarray:
     """Metres (m, 2) of the left and right wrist over their shoulders; NaN where not seen."""
     uv, score = rows.keypoint_uv, rows.keypoint_score
-    uv = np.where((score >= _LEAST_SCORE)[:, :, None], uv, np.nan)
+    uv = np.where((score >= MIN_KEYPOINT_SCORE)[:, :, None], uv, np.nan)
 
     def point(*names: str) -> np.ndarray:
         found = uv[:, [HALPE26.index(name) for name in names]]

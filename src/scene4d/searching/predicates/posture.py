@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import ndtr
 
+from scene4d.core.body import BORDER_PX
 from scene4d.searching.predicates.rows import Rows, Stage
-from scene4d.searching.predicates.visibility import CUT_PX
 
 _STOOPING_SHARE = 0.9
 _SOFTNESS = 0.05
@@ -56,7 +56,7 @@ def _tracks_of(a: Rows) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"]]:
 
 def _heights_m(stage: Stage, rows: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
     box = stage.tracks.box_xyxy[rows]
-    whole = (box[:, 1] > CUT_PX) & (box[:, 3] < stage.image_size[1] - 1 - CUT_PX)
+    whole = (box[:, 1] > BORDER_PX) & (box[:, 3] < stage.image_size[1] - 1 - BORDER_PX)
     seen = stage.tracks.observed[rows] & whole
     height = np.where(seen, box[:, 3] - box[:, 1], np.nan)
     px_per_m = stage.px_per_m(rows)  # 0 of somebody who stands right below the camera

@@ -8,9 +8,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
-from scene4d.core.people import PERSON_HEIGHT_M
 from scene4d.core.tracks import Tracks
 
 

@@ -28,14 +28,13 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import ndtr
 
+from scene4d.core.body import BORDER_PX
 from scene4d.searching.predicates.rows import Rows, Stage
 from scene4d.searching.predicates.turning import window
 
 _END_SIGMA_S = 1.0
 _LOOK_S = 0.5
 BORDER_SHARE, BORDER_SIGMA = 0.1, 0.05
-CUT_PX = 2.0
-"""A box that comes this near to the picture's border may be cut by it."""
 LEAVING_SHARE, LEAVING_SIGMA = 0.15, 0.05
 COVERED_SHARE, COVERED_SIGMA = 0.5, 0.15
 _BEFORE_SIGMA = 0.05
@@ -174,9 +173,9 @@ def _carried_on(stage: Stage, row: np.ndarray, last: bool) -> np.ndarray:
     taken = np.abs(tracks.time_s[row] - tracks.time_s[from_row])
     now = tracks.box_xyxy[row]
     way = now - before
-    corner = np.array(stage.image_size) - 1 - CUT_PX
+    corner = np.array(stage.image_size) - 1 - BORDER_PX
     # Where the border cuts a side, the opposite one tells the motion.
-    cut = np.hstack([now[:, :2] <= CUT_PX, now[:, 2:] >= corner])
+    cut = np.hstack([now[:, :2] <= BORDER_PX, now[:, 2:] >= corner])
     weight = np.where(cut & ~cut[:, [2, 3, 0, 1]], 0.0, 1.0)
     moved = weight * way + (weight * way)[:, [2, 3, 0, 1]]
     with np.errstate(divide="ignore", invalid="ignore"):
