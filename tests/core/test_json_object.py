@@ -52,7 +52,7 @@ def test_fields_are_read_with_their_types():
         (lambda o: o.number("number", above=2.5), "'number' must be a number, greater than 2.5"),
         (
             lambda o: o.number("number", least=3.0, most=9.0),
-            "a number, at least 3 and at most 9, fo",
+            "a number, at least 3 and at most 9",
         ),
         (lambda o: o.integer("number"), "'number' must be a whole number, found 2.5"),
         (lambda o: o.integer("whole", least=8), "'whole' must be a whole number, at least 8, fou"),
