@@ -9,9 +9,9 @@ import cv2
 
 from scene4d.calibration.calibrating import run
 from scene4d.calibration.options import CalibrateOptions
+from scene4d.core.fetching import cache_dir
 from scene4d.core.progress import Silent
 from scene4d.drawing.overlay import draw_overlay
-from scene4d.perception.weights import cache_dir
 from scene4d.video.sample import sample_video
 
 WIDTH = 1000

@@ -9,10 +9,10 @@ Runs scene4d's own perception on the sample video (fetched if VIDEO is not given
 import sys
 from pathlib import Path
 
+from scene4d.core.fetching import cache_dir
 from scene4d.core.tables import write_people
 from scene4d.formats.demo import FILE_NAME, demo_columns
 from scene4d.perception.people import detect_people
-from scene4d.perception.weights import cache_dir
 from scene4d.video.reader import open_source
 from scene4d.video.sample import sample_video
 from scene4d.video.sampling import sample_frames
@@ -21,9 +21,7 @@ TARGET = Path(__file__).parents[1] / "src" / "scene4d" / "formats" / "data" / FI
 
 
 def main() -> None:
-    video = (
-        sys.argv[1] if len(sys.argv) > 1 else sample_video(cache_dir() / "samples", progress=print)
-    )
+    video = sys.argv[1] if len(sys.argv) > 1 else sample_video(cache_dir() / "samples")
     with open_source(video) as footage:
         people = detect_people(sample_frames(footage))
     TARGET.parent.mkdir(exist_ok=True)

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from importlib.resources import files
 
 import cv2
@@ -14,6 +15,7 @@ from scene4d.cli.demo import PUBLISHED
 from scene4d.core.errors import UnavailableError
 from scene4d.formats.cameras import read_camera
 from scene4d.formats.demo import FILE_NAME, IMAGE_SIZE, demo_columns, demo_detections
+from scene4d.video import sample
 
 
 @pytest.fixture
@@ -24,7 +26,8 @@ def no_network(tmp_path, monkeypatch):
     def nothing(*_: object, **__: object) -> None:
         raise UnavailableError("the network is\nclosed")
 
-    monkeypatch.setattr("scene4d.video.sample.SOURCES", ())
+    nowhere = replace(sample.SAMPLE, sources=())
+    monkeypatch.setattr(sample, "SAMPLE", nowhere)
     monkeypatch.setattr("scene4d.perception.weights.fetch_all", nothing)
     return tmp_path / "cache"
 

@@ -7,8 +7,8 @@ from functools import partial
 
 import pytest
 
+from scene4d.core.fetching import Download, SourceFailedError
 from scene4d.perception import weights as store
-from scene4d.perception.sources import SourceFailedError
 
 CONTENT = b"a network"
 
@@ -36,7 +36,7 @@ def weight(tmp_path, monkeypatch):
 
     def known(*contents: bytes) -> None:
         digest = hashlib.sha256(CONTENT).hexdigest()
-        one = store.Weight("net", "net.onnx", digest, 20_000_000, "MIT", (Shelf(*contents),))
+        one = Download("net", "net.onnx", digest, 20_000_000, "MIT", (Shelf(*contents),))
         for function in ("weight_path", "fetch_all", "missing_weights", "list_weights"):
             given = partial(getattr(store, function), weights=(one,))
             monkeypatch.setattr(store, function, given)
@@ -79,7 +79,7 @@ def test_fetch_without_a_network_says_what_to_do(run, weight, tmp_path):
     weight()
     done = run("models", "fetch")
     assert done.exit_code == 1 and done.stdout == ""
-    assert done.stderr.startswith("scene4d: error: weight net: ")
+    assert done.stderr.startswith("scene4d: error: net: ")
     for word in ("no network", "SHA-256", str(tmp_path / "cache" / "weights")):
         assert word in done.stderr
 

@@ -53,7 +53,7 @@ def _calibrated(progress: "Progress") -> "tuple[Run, str]":
     from scene4d.calibration.calibrating import run
     from scene4d.calibration.options import CalibrateOptions
     from scene4d.calibration.watching import fetch_weights
-    from scene4d.perception.weights import cache_dir
+    from scene4d.core.fetching import cache_dir
     from scene4d.video.sample import sample_video
 
     video = None

@@ -49,7 +49,8 @@ def models(
 
         with job.progress() as progress:
             fetch_weights(progress, vehicles=True)
-    from scene4d.perception.weights import cache_dir, list_weights
+    from scene4d.core.fetching import cache_dir
+    from scene4d.perception.weights import list_weights
 
     rows = [*list_weights(), _packaged()]
     folder = cache_dir() / "weights"
