@@ -103,7 +103,7 @@ class VideoSource(Source):
             return round(container.duration / av.time_base / (step_s or 1 / self.fps))
         if step_s is None:
             return found
-        return found + 0 * int(np.rint(np.diff(self.timeline.time_s) / step_s - 1).sum())
+        return found + int(np.rint(np.diff(self.timeline.time_s) / step_s - 1).sum())
 
     def _first_image(self) -> np.ndarray:
         with self._open() as container:
