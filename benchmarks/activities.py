@@ -19,7 +19,7 @@ from scene4d.core.camera import Camera
 from scene4d.core.tracks import Tracks
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.search import find
-from scene4d.searching.stages.staging import stage_of
+from scene4d.searching.stages import stage_of
 
 STEP_S = 0.2
 FRAMES_PER_STEP = 6

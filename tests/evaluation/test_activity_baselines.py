@@ -7,7 +7,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
 from scene4d.evaluation.trials.baselines import NOISE_SHARE, in_pixels, near_alone
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
-from scene4d.searching.predicates.rows import Stage
+from scene4d.searching.predicates.stage import Stage
 
 STEP = 0.2
 
@@ -38,7 +38,7 @@ def stage(feet: dict[int, np.ndarray], height: float = 50.0) -> Stage:
         score=np.ones(n),
         observed=np.isfinite(box[:, 0]),
     )
-    return Stage(tracks, (640, 480), STEP, camera_factor=np.zeros((n, 2, 3)))
+    return Stage(tracks, (640, 480), STEP, camera_factor=lambda xy_m: np.zeros((len(xy_m), 2, 3)))
 
 
 def line(n: int, start: tuple[float, float], per_s: tuple[float, float]) -> np.ndarray:

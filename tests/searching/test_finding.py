@@ -28,8 +28,7 @@ from scene4d.searching.language import Query, Window
 from scene4d.searching.pages.footage import NoFootage, footage_of
 from scene4d.searching.places import Places
 from scene4d.searching.result import actev_files, clip_time
-from scene4d.searching.stages import stage_of
-from scene4d.searching.stages.staging import thinned
+from scene4d.searching.stages import stage_of, thinned
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
 
@@ -217,7 +216,7 @@ def test_nothing_is_missed_for_the_lean_rows(gate):
         terms = [term for phase in activity.phases for term in phase.terms]
         if any("zone" in term.parameters for term in terms):
             continue
-        assert find(lean.stage, activity) == find(whole, activity), activity.name
+        assert find(lean, activity) == find(whole, activity), activity.name
 
 
 def test_unknown_places_and_boxes_come_as_nan(tmp_path):
@@ -405,9 +404,9 @@ def test_keypoints_are_brought_where_they_are_asked_for(tmp_path):
     scene = Scene.open(scenes.write_scene(tmp_path / "scene", [rows]))
     calibration = Calibration.load(scene.camera_file("gate"))
     with_them = staged_run(asked(scene, "person raises arm"), scene.runs[0], calibration)
-    assert with_them.stage.tracks.keypoint_uv.shape[1] == 26
+    assert with_them.tracks.keypoint_uv.shape[1] == 26
     done = search(scene, "person raises arm", min_score=0.001)
-    assert done.rows == len(with_them.stage.tracks)
+    assert done.rows == len(with_them.tracks)
 
 
 def written(scene, out, words=ENTERS, **options):

@@ -82,7 +82,7 @@ def test_one_feature_and_a_name_for_two_cameras(tmp_path):
         ({"zones": {"bay": SQUARE[:2]}}, "at least 3"),
         ({"zones": {"bay": BOW}}, "crosses itself"),
         ({"zones": {" ": SQUARE}}, "empty"),
-        ({"lines": {"exit": LINE[:1]}}, "two or more"),
+        ({"lines": {"exit": LINE[:1]}}, "at least 2"),
         ({"zones": {"bay": {"camera": "gaet", "points": SQUARE}}}, "did you mean 'gate'"),
         ({"zones": {"bay": {"camera": 3, "points": SQUARE}}}, "camera must be a name"),
         ({"zones": {"bay": {"corners": SQUARE}}}, "unknown key 'corners'"),

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from scene4d.core.calibration import Calibration
 from scene4d.core.tracks import Tracks
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
-from scene4d.searching.activities.meeting import ticks_of
 from scene4d.searching.activities.search import find
-from scene4d.searching.stages.staging import Staged, factors_of, kept_moments, stage_of, thinned
+from scene4d.searching.predicates.stage import Factors, Stage, ticks_of
+from scene4d.searching.stages import camera_factor_of, kept_moments, stage_of, thinned
 from walks import CAMERA, SIZE
 
 SIGMA = np.array([0.02, 0.01, 0.008, 0.05, 0.0])
@@ -148,9 +148,9 @@ def test_moments_are_shared_and_a_tick_each(spans, every, step_s):
 
 def factors_at(calibration: Calibration, xy_m: np.ndarray) -> np.ndarray:
     """Those of all places, asked for at once."""
-    factors = factors_of(calibration, xy_m)
-    assert factors is not None
-    return factors[np.arange(len(xy_m))]
+    factor = camera_factor_of(calibration)
+    assert factor is not None
+    return factor(xy_m)
 
 
 def test_the_factor_is_a_root_of_the_ground_covariance():
@@ -180,10 +180,9 @@ def test_the_factor_says_how_far_pairs_come_apart():
 
 
 def test_a_camera_without_a_covariance_has_no_factor():
-    somewhere = np.array([[0.0, 10.0]])
-    assert factors_of(Calibration.of_camera(CAMERA), somewhere) is None
-    assert factors_of(replace(known(), camera=None), somewhere) is None
-    assert stage_of(strewn(), Calibration.of_camera(CAMERA)).camera_factor is None
+    assert camera_factor_of(Calibration.of_camera(CAMERA)) is None
+    assert camera_factor_of(replace(known(), camera=None)) is None
+    assert stage_of(strewn(), Calibration.of_camera(CAMERA)).factors is None
 
 
 def test_unknown_places_have_unknown_factors():
@@ -205,9 +204,9 @@ def strewn(n: int = 50) -> Tracks:
 def test_factors_that_wait_until_they_are_asked_for_are_those_of_all_rows(questions):
     """In any order, some of them twice, in this question or one before."""
     tracks = strewn()
-    factors = stage_of(tracks, known()).camera_factor
+    factors = stage_of(tracks, known()).factors
+    assert isinstance(factors, Factors)
     every = factors_at(known(), tracks.xy_m)
-    assert len(factors) == len(tracks)
     for rows in questions:
         at = np.array(rows, int)
         # Products are rounded, and lenses inverted, by what else is worked out with them.
@@ -240,17 +239,17 @@ def test_factors_are_worked_out_once_and_for_those_asked_for(monkeypatch):
 def test_the_frame_at_a_moment_that_many_share_is_that_of_the_first_row():
     tracks = tracks_at({1: [30, 36, 42], 2: [30, 36]})
     tracks = replace(tracks, frame=tracks.frame + np.where(tracks.track == 2, 1, 0))
-    staged = Staged(stage_of(tracks, known()), "here")
-    assert [staged.frame_at(t) for t in (1.0, 1.2, 1.4)] == [30, 36, 42]
+    stage = stage_of(tracks, known())
+    assert [stage.frame_at(t) for t in (1.0, 1.2, 1.4)] == [30, 36, 42]
 
 
 def test_frames_of_times():
-    staged = Staged(stage_of(tracks_at({1: [30, 36, 42], 2: [60, 66]}), known()), "here")
-    assert staged.frame_at(1.2) == 36
-    assert staged.frame_at(1.3) == 39
-    assert staged.frame_at(1.7) == 51
-    assert staged.frame_at(0.0) == 30
-    assert staged.frame_at(9.0) == 66
+    stage = stage_of(tracks_at({1: [30, 36, 42], 2: [60, 66]}), known())
+    assert stage.frame_at(1.2) == 36
+    assert stage.frame_at(1.3) == 39
+    assert stage.frame_at(1.7) == 51
+    assert stage.frame_at(0.0) == 30
+    assert stage.frame_at(9.0) == 66
 
 
 def test_zones_and_lines_come_along():
@@ -270,20 +269,20 @@ NEAR = Activity(
 )
 
 
-def staged_pair(second: str) -> Staged:
+def staged_pair(second: str) -> Stage:
     """Two objects a metre and a half from one another, from frame 30 to 120 of 30 a second."""
     tracks = tracks_at({1: list(range(30, 121, 3)), 2: list(range(30, 121, 3))})
     kinds = np.where(tracks.track == 1, "person", second)
-    return Staged(stage_of(replace(tracks, class_name=kinds), known()), "here")
+    return stage_of(replace(tracks, class_name=kinds), known())
 
 
 def test_events_have_the_frames_of_the_footage():
-    staged = staged_pair("car")
-    (event,) = find(staged.stage, NEAR)
-    begin, end = staged.frame_at(event.begin_s), staged.frame_at(event.end_s)
+    stage = staged_pair("car")
+    (event,) = find(stage, NEAR)
+    begin, end = stage.frame_at(event.begin_s), stage.frame_at(event.end_s)
     assert (begin, end) == (round(30 * event.begin_s), round(30 * event.end_s))
     assert 30 <= begin < end <= 120
 
 
 def test_a_clip_with_nobody_for_a_role_holds_no_event():
-    assert find(staged_pair("bicycle").stage, NEAR) == []
+    assert find(staged_pair("bicycle"), NEAR) == []

@@ -3,6 +3,7 @@
 Readers raise :class:`InputError` with the line or field; the registries put the file in front.
 """
 
+import difflib
 import reprlib
 from collections.abc import Iterable
 from pathlib import Path
@@ -101,3 +102,12 @@ def prefixed(error: InputError, path: Path) -> InputError:
     """The same error with the file in front, once."""
     message = str(error)
     return error if message.startswith(f"{path}:") else InputError(f"{path}: {message}")
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """``; did you mean X?``, or what there is where nothing is like it: the end of a message."""
+    known = sorted(known)
+    like = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
+    if like:
+        return f"; did you mean {like[0]!r}?"
+    return f"; there is {', '.join(known)}" if known else "; there is none"

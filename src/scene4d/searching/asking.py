@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scene4d.core.errors import InputError
+from scene4d.core.text import nearest
 from scene4d.searching.activities.catalogue import load_catalogue
-from scene4d.searching.activities.known import PREDICATES
 from scene4d.searching.activities.search import MIN_SCORE
-from scene4d.searching.activities.terms import nearest, places_of
+from scene4d.searching.activities.terms import places_of
 from scene4d.searching.language import Query, Window, parse_query
 from scene4d.searching.places import Places, read_places
+from scene4d.searching.predicates.registry import PREDICATES
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
 
@@ -92,10 +93,9 @@ def _check_roles(scene: Scene, query: Query) -> None:
 
 def _used(query: Query, places: Places) -> set[str]:
     """The names of the places that are asked for."""
-    terms = [term for phase in query.activity.phases for term in phase.terms]
     used: set[str] = set()
     for kind in ("zone", "line"):
-        for name in places_of(terms, kind, PREDICATES):
+        for name in places_of(query.activity.terms, kind, PREDICATES):
             there = places.names(kind)
             if name not in there:
                 raise InputError(

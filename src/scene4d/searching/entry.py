@@ -13,15 +13,15 @@ from scene4d.core.progress import Progress, Silent, timed
 from scene4d.core.tracks import Tracks
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.activities.events import Event
-from scene4d.searching.activities.known import PREDICATES
 from scene4d.searching.activities.search import judge
 from scene4d.searching.activities.terms import places_of
 from scene4d.searching.asking import Asked, SearchOptions, reaches, second_of_day, understand
 from scene4d.searching.language import Window
 from scene4d.searching.places import Places
+from scene4d.searching.predicates.registry import PREDICATES
+from scene4d.searching.predicates.stage import Stage
 from scene4d.searching.result import FoundEvent, SearchResult
-from scene4d.searching.stages import STEP_S, Staged
-from scene4d.searching.stages.staging import kept_moments, stage_of_thinned, thinned
+from scene4d.searching.stages import STEP_S, kept_moments, stage_of, thinned
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
 
@@ -29,8 +29,6 @@ _Place = str | os.PathLike[str] | Scene
 _AROUND_S = 4.0
 """Rows this long before and after an event are kept to show it; chosen by hand: long enough to see
 where somebody came from."""
-_POSED = frozenset({"arm_moving_up", "arm_moving_down"})
-"""Predicates that look at keypoints."""
 
 
 def search(
@@ -69,9 +67,9 @@ def answer(asked: Asked, progress: Progress) -> SearchResult:
         }
         for run in runs:
             with timed(result.timings, "load"):
-                staged = staged_run(asked, run, calibrations[run.camera])
+                stage = staged_run(asked, run, calibrations[run.camera])
             with timed(result.timings, "search"):
-                _search_run(result, staged, run)
+                _search_run(result, stage, run)
             step(1)
     return result
 
@@ -96,7 +94,7 @@ def _runs(asked: Asked) -> list[Run]:
 
 def _seeing(asked: Asked) -> list[str]:
     """The cameras that see all places that are asked for; raises where there is none."""
-    terms = [term for phase in asked.query.activity.phases for term in phase.terms]
+    terms = asked.query.activity.terms
     wanted = {kind: set(places_of(terms, kind, PREDICATES)) for kind in ("zone", "line")}
     seeing = [
         camera
@@ -114,22 +112,21 @@ def _playable(activity: Activity, classes: Collection[str]) -> bool:
     return all(set(role.classes) & set(classes) for role in activity.roles)
 
 
-def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Staged:
-    """One run as a stage; raises as :meth:`Scene.sql` and :func:`stage_of_thinned`.
+def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Stage:
+    """One run as a stage; raises as :meth:`Scene.sql` and :func:`stage_of`.
 
     Without keypoints unless a predicate looks at them: a day's rows are mostly keypoints and
     covariances, and reading these takes several times as long as the search itself. Tracks of
     annotations, where one object may have several, are united.
     """
     alone = asked.scene.only(run.run)
-    terms = [term for phase in asked.query.activity.phases for term in phase.terms]
-    posed = any(term.predicate in _POSED for term in terms)
+    posed = any(PREDICATES[term.predicate].keypoints for term in asked.query.activity.terms)
     tracks, step_s = thinned(alone.tracks(), STEP_S) if posed else lean_tracks(alone, STEP_S)
     places: Places = asked.places
-    stage = stage_of_thinned(
+    stage = stage_of(
         tracks,
-        step_s,
         calibration,
+        step_s=step_s,
         zones=places.of(run.camera, "zone"),
         lines=places.of(run.camera, "line"),
     )
@@ -137,7 +134,7 @@ def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Staged:
         from scene4d.searching.activities.identity import unite_tracks  # SciPy's graphs load slowly
 
         stage = unite_tracks(stage)
-    return Staged(stage, run.camera, run)
+    return stage
 
 
 def lean_tracks(scene: Scene, step_s: float) -> tuple[Tracks, float]:
@@ -156,8 +153,8 @@ def lean_tracks(scene: Scene, step_s: float) -> tuple[Tracks, float]:
     return tracks, step
 
 
-def _search_run(result: SearchResult, staged: Staged, run: Run) -> None:
-    asked, stage = result.asked, staged.stage
+def _search_run(result: SearchResult, stage: Stage, run: Run) -> None:
+    asked = result.asked
     result.runs.append(run)
     result.rows += len(stage.tracks)
     judged = judge(stage, asked.query.activity, min_score=asked.options.min_score)
@@ -165,7 +162,7 @@ def _search_run(result: SearchResult, staged: Staged, run: Run) -> None:
     if not events:
         result.candidates += judged.casts
     for number, event in enumerate(events):
-        begin, end = staged.frame_at(event.begin_s), staged.frame_at(event.end_s)
+        begin, end = stage.frame_at(event.begin_s), stage.frame_at(event.end_s)
         around = _around(stage.tracks, event) if number < asked.options.top else None
         result.events.append(FoundEvent(event, run, begin, end, around))
     result.events.sort(key=_rank)

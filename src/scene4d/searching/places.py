@@ -19,9 +19,8 @@ from jaxtyping import Float
 
 from scene4d.core.errors import InputError
 from scene4d.core.files import read_json
-from scene4d.core.text import prefixed
-from scene4d.searching.activities.places import check_line, check_zone
-from scene4d.searching.activities.terms import nearest
+from scene4d.core.text import nearest, prefixed
+from scene4d.searching.predicates.zones import check_place
 
 _KINDS = {"Polygon": "zone", "LineString": "line"}
 _KEYS = ("zones", "lines")
@@ -76,7 +75,7 @@ def read_places(path: Path, cameras: Collection[str]) -> Places:
                     f"{place.kind} {place.name!r}: no camera {place.camera!r}"
                     f"{nearest(place.camera, cameras)}"
                 )
-            (check_zone if place.kind == "zone" else check_line)(place.name, place.points)
+            check_place(place.kind, place.name, place.points)
         _check_names(found)
     except InputError as error:
         raise prefixed(error, path) from None

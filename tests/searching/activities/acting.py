@@ -4,7 +4,7 @@ import numpy as np
 
 from scene4d.core.tracks import Tracks
 from scene4d.searching.predicates.registry import Parameter, Predicate
-from scene4d.searching.predicates.rows import Stage
+from scene4d.searching.predicates.stage import Stage
 
 STEP_S = 0.2
 SIZE = (1920, 1080)
@@ -89,8 +89,8 @@ def _none(a):
 
 _TAU = {"tau_m": Parameter("tau_m", 4.0, "m", 0.0, 1000.0)}
 FAKES = {
-    "lit": Predicate("lit", 1, {}, _lit, "as written on the row"),
-    "near": Predicate("near", 2, _TAU, _sharp, "closer than tau_m"),
-    "both_lit": Predicate("both_lit", 2, {}, _same_lit, "as written on both rows"),
-    "unknown": Predicate("unknown", 1, {}, _none, "never known"),
+    "lit": Predicate("lit", 1, {}, _lit),
+    "near": Predicate("near", 2, _TAU, _sharp, holds="within", symmetric=True),
+    "both_lit": Predicate("both_lit", 2, {}, _same_lit),
+    "unknown": Predicate("unknown", 1, {}, _none),
 }

@@ -11,15 +11,16 @@ from scene4d.searching.activities.compose import (
     MOST_GAIN,
     STRETCH,
     Aligned,
-    Moments,
     Span,
+    Timeline,
     align,
     odds,
+    window_max,
 )
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
 from scene4d.searching.activities.evidence import FLOOR
-from scene4d.searching.activities.ragged import expand, runs, window_max
 from scene4d.searching.activities.related import align_related
+from scene4d.searching.predicates.meeting import expand, runs
 
 STEP_S = 0.5
 
@@ -98,7 +99,7 @@ def _value(ticks, log_p, found: Aligned):
 @settings(deadline=None, max_examples=80)
 def test_the_first_event_is_the_best_of_all_alignments(cast):
     ticks, log_p, spans = cast
-    found = align(Moments(ticks, np.array([0])), log_p, log_p, spans, STEP_S, -1e9)
+    found = align(Timeline(ticks, np.array([0])), log_p, log_p, spans, STEP_S, -1e9)
     best = _exhaustive(ticks, log_p, spans)
     if not np.isfinite(best):
         assert found == []
@@ -111,7 +112,7 @@ def test_the_first_event_is_the_best_of_all_alignments(cast):
 def test_durations_gaps_and_order_are_kept_and_events_do_not_overlap(cast):
     ticks, log_p, spans = cast
     found = [
-        one for _, one in align(Moments(ticks, np.array([0])), log_p, log_p, spans, STEP_S, -1e9)
+        one for _, one in align(Timeline(ticks, np.array([0])), log_p, log_p, spans, STEP_S, -1e9)
     ]
     for one in found:
         before = None
@@ -138,11 +139,11 @@ def test_many_casts_at_once_are_as_each_alone(seed):
         ticks = np.cumsum(rng.choice([1, 1, 1, 3], n))
         casts.append((ticks, np.log(rng.uniform(0.01, 1, (2, n)))))
     first = np.cumsum([0, *(len(ticks) for ticks, _ in casts)])[:-1]
-    everybody = Moments(np.concatenate([ticks for ticks, _ in casts]), first)
+    everybody = Timeline(np.concatenate([ticks for ticks, _ in casts]), first)
     log_p = np.hstack([log_p for _, log_p in casts])
     together = align(everybody, log_p, log_p, spans, STEP_S, -3.0)
     for number, (ticks, log_p) in enumerate(casts):
-        alone = align(Moments(ticks, np.array([0])), log_p, log_p, spans, STEP_S, -3.0)
+        alone = align(Timeline(ticks, np.array([0])), log_p, log_p, spans, STEP_S, -3.0)
         mine = [one for cast, one in together if cast == number]
         assert [one.log_score for one in mine] == pytest.approx([a.log_score for _, a in alone])
         offset = first[number]
@@ -154,7 +155,7 @@ def test_a_single_bad_moment_does_not_kill_and_length_is_not_punished():
     def score(p):
         log_p = np.log(np.maximum(np.array([p]), FLOOR))
         spans = [Span(5, None, 0)]
-        moments = Moments(np.arange(len(p)), np.array([0]))
+        moments = Timeline(np.arange(len(p)), np.array([0]))
         return [one for _, one in align(moments, log_p, log_p, spans, STEP_S, np.log(0.05))]
 
     good = score([0.9] * 10)
@@ -172,7 +173,7 @@ def test_a_single_bad_moment_does_not_kill_and_length_is_not_punished():
 def test_stretching_over_what_denies_it_costs():
     p = np.full((2, 40), FLOOR)
     p[0, :3], p[1, -3:] = 0.99, 0.99
-    moments, log_p = Moments(np.arange(40), np.array([0])), np.log(p)
+    moments, log_p = Timeline(np.arange(40), np.array([0])), np.log(p)
     spans = [Span(2, None, 0), Span(2, None, 0)]
     found = align(moments, log_p, log_p, spans, STEP_S, -50.0)[0][1]
     across = STRETCH * STEP_S * (34 * np.log(FLOOR / (1 - FLOOR)) + MOST_GAIN)
@@ -210,7 +211,7 @@ def test_expand_and_runs():
 def test_half_of_a_core_must_be_there():
     for ticks, expected in (([0, 1, 2, 8, 9], 1), ([0, 1, 8, 9], 0), ([0, 1, 2, 3, 4], 0)):
         log_p = np.zeros((1, len(ticks))) - 0.1
-        moments = Moments(np.array(ticks), np.array([0]))
+        moments = Timeline(np.array(ticks), np.array([0]))
         found = align(moments, log_p, log_p, [Span(10, None, 0)], STEP_S, -1.0)
         assert len(found) == expected
 
@@ -223,7 +224,7 @@ def _bumps(*middles, n=60, width=3.0):
 
 
 def test_the_flanks_of_an_event_are_no_events():
-    moments = Moments(np.arange(60), np.array([0]))
+    moments = Timeline(np.arange(60), np.array([0]))
     for middles in ((30,), (12, 45), (9, 30, 51)):
         log_p = _bumps(*middles)
         found = align(moments, log_p, log_p, [Span(2, None, 0)], STEP_S, np.log(0.05))
@@ -238,7 +239,7 @@ def test_what_happens_again_at_once_is_another_event(again):
     """Moves and stands, and moves and stands: however the cores lie, these are two stops."""
     moves = np.array([0.95] * 15 + [0.05] * 10 + [0.95] * again + [0.05] * 20)
     log_p = np.log(np.vstack([moves, 1 - moves]))
-    moments = Moments(np.arange(len(moves)), np.array([0]))
+    moments = Timeline(np.arange(len(moves)), np.array([0]))
     spans = [Span(3, 15, 0), Span(3, 10, 10)]
     found = align(moments, log_p, log_p, spans, 0.2, np.log(0.05))
     assert len(found) == 2
@@ -253,7 +254,7 @@ def test_the_flanks_of_an_event_with_relations_are_no_events():
         (Relation("short", "during", "long"),),
     )
     log_p = np.vstack([_bumps(30, width=2.0), _bumps(30, width=5.0)])
-    moments = Moments(np.arange(60), np.array([0]))
+    moments = Timeline(np.arange(60), np.array([0]))
     spans = [Span(1, None, 0), Span(2, None, 0)]
     found = align_related(moments, log_p, log_p, activity, spans, STEP_S, np.log(1e-3))
     assert len(found) == 1

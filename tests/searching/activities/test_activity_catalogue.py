@@ -10,8 +10,8 @@ from scene4d.core.errors import InputError
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.checking import check_activity
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
-from scene4d.searching.activities.known import PREDICATES
 from scene4d.searching.activities.terms import parse_term, term_text
+from scene4d.searching.predicates.registry import PREDICATES
 
 GOOD = """\
 activities:

@@ -7,9 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
-from scene4d.searching.activities.crowd import crowded
-from scene4d.searching.activities.meeting import Clock, earlier, meetings
-from scene4d.searching.activities.ragged import runs
+from scene4d.searching.predicates.crowd import crowded
+from scene4d.searching.predicates.meeting import earlier, meetings, runs
 
 
 def _random_stage(seed, people=6, vehicles=4, rows=90):
@@ -45,16 +44,15 @@ def _exhaustive(world, a, b, reach_m, lag=0):
 @settings(deadline=None, max_examples=15)
 def test_nobody_who_meets_is_missed_and_time_always_agrees(seed, reach_m, lag):
     world = _random_stage(seed)
-    clock = Clock(world)
     for kinds in (("person", "car"), ("person", "person")):
         a, b = (_rows(world, kind) for kind in kinds)
-        i, j = meetings(clock, a, b, reach_m=reach_m, lag=lag)
+        i, j = meetings(world, a, b, reach_m=reach_m, lag=lag)
         found = set(zip(i.tolist(), j.tolist(), strict=True))
         assert len(found) == len(i)
         assert found >= _exhaustive(world, a, b, reach_m, lag)
-        assert (clock.tick[i] - clock.tick[j] == lag).all()
+        assert (world.tick[i] - world.tick[j] == lag).all()
         assert set(j.tolist()) <= set(b.tolist())
-        order = np.lexsort((clock.tick[i], world.track_of_row[j], world.track_of_row[i]))
+        order = np.lexsort((world.tick[i], world.track_of_row[j], world.track_of_row[i]))
         assert (order == np.arange(len(i))).all()
 
 
@@ -63,7 +61,7 @@ def test_nobody_who_meets_is_missed_and_time_always_agrees(seed, reach_m, lag):
 def test_without_a_reach_everybody_at_the_same_time(seed):
     world = _random_stage(seed)
     a, b = _rows(world, "person"), _rows(world, "car")
-    i, j = meetings(Clock(world), a, b, reach_m=np.inf)
+    i, j = meetings(world, a, b, reach_m=np.inf)
     tick = np.rint(world.tracks.time_s / STEP_S)
     expected = np.argwhere(tick[a][:, None] == tick[b][None])
     assert set(zip(i.tolist(), j.tolist(), strict=True)) == {
@@ -76,8 +74,8 @@ def test_a_margin_brings_the_moments_before():
     car = track(2, stay([110, 0], 80), kind="car")
     world = stage(walker, car)
     a, b = np.arange(400), np.arange(400, 800)
-    near = meetings(Clock(world), a, b, reach_m=2.0)[0]
-    wide = meetings(Clock(world), a, b, reach_m=2.0, margin=50)[0]
+    near = meetings(world, a, b, reach_m=2.0)[0]
+    wide = meetings(world, a, b, reach_m=2.0, margin=50)[0]
     assert set(near) < set(wide)
     assert wide.min() <= 110 / 0.3 - 2 / 0.3 - 50
     assert near.min() > 300
@@ -87,23 +85,22 @@ def test_far_apart_costs_nothing():
     tracks = [track(n, stay([1000.0 * n, 0], 20)) for n in range(40)]
     world = stage(*tracks)
     everybody = np.arange(len(world.tracks))
-    assert len(meetings(Clock(world), everybody, everybody, reach_m=5.0)[0]) == 0
+    assert len(meetings(world, everybody, everybody, reach_m=5.0)[0]) == 0
 
 
 @given(st.integers(0, 10_000))
 @settings(deadline=None, max_examples=15)
 def test_earlier_finds_who_was_there_before(seed):
     world = _random_stage(seed)
-    clock = Clock(world)
     a, b = _rows(world, "person"), _rows(world, "car")
     reach = 3.0
-    i, j = earlier(clock, a, b, reach_m=reach)
+    i, j = earlier(world, a, b, reach_m=reach)
     apart = np.linalg.norm(world.tracks.xy_m[i] - world.tracks.xy_m[j], axis=1)
     assert (apart <= reach).all()
-    assert (clock.tick[j] < clock.tick[i]).all()
+    assert (world.tick[j] < world.tick[i]).all()
     assert len(runs(i, world.track_of_row[j])) == len(i)
     # Of a square only the first row stands: who was well within reach before is found.
-    tick, of = clock.tick, world.track_of_row
+    tick, of = world.tick, world.track_of_row
     near = np.linalg.norm(world.tracks.xy_m[a][:, None] - world.tracks.xy_m[b][None], axis=2)
     before = tick[b][None] < tick[a][:, None]
     found = {(int(x), int(of[y])) for x, y in zip(i, j, strict=True)}
@@ -115,11 +112,11 @@ def test_rows_out_of_order_are_refused():
     one = track(1, stay([0, 0], 2))
     world = stage(one.select(np.arange(10)[::-1].copy()))
     with pytest.raises(InputError, match="not later than the row before"):
-        _ = Clock(world).tick
+        _ = world.tick
     late = track(1, stay([0, 0], 1))
     late.time_s[2] = np.nan
     with pytest.raises(InputError, match="not finite"):
-        _ = Clock(stage(late)).tick
+        _ = stage(late).tick
 
 
 @given(
@@ -132,24 +129,24 @@ def test_moments_a_step_apart_are_a_tick_apart(begin_s, step_s, offset):
     begin_s = step_s * (round(begin_s / step_s) + offset)
     one = track(1, stay([0, 0], 60 * step_s, step_s), begin_s=begin_s, step_s=step_s)
     other = track(2, stay([1, 0], 30 * step_s, step_s), begin_s=begin_s + 7 * step_s, step_s=step_s)
-    clock = Clock(stage(one, other, step_s=step_s))
-    assert clock.tick.tolist() == [*range(60), *range(7, 37)]
-    assert clock.used.all()
-    i, j = meetings(clock, np.arange(60), np.arange(60, 90), reach_m=2.0, lag=3)
+    world = stage(one, other, step_s=step_s)
+    assert world.tick.tolist() == [*range(60), *range(7, 37)]
+    assert world.used.all()
+    i, j = meetings(world, np.arange(60), np.arange(60, 90), reach_m=2.0, lag=3)
     assert (i - (j - 60)).tolist() == [10] * 30
 
 
 def test_tracks_that_are_seen_half_a_step_after_others_lose_no_moment():
     one = track(1, stay([0, 0], 8))
-    clock = Clock(stage(one, track(2, stay([0, 0], 8), begin_s=0.5 * STEP_S)))
-    assert clock.tick.tolist() == [*range(40), *range(40)]
-    assert clock.used.all()
+    world = stage(one, track(2, stay([0, 0], 8), begin_s=0.5 * STEP_S))
+    assert world.tick.tolist() == [*range(40), *range(40)]
+    assert world.used.all()
 
 
 def test_two_rows_of_a_moment_count_once():
     one = track(1, stay([0, 0], 2), step_s=0.05)
-    clock = Clock(stage(one))
-    assert clock.used.sum() == len(np.unique(clock.tick)) < len(one)
+    world = stage(one)
+    assert world.used.sum() == len(np.unique(world.tick)) < len(one)
 
 
 @given(st.integers(0, 10_000), st.integers(1, 6))

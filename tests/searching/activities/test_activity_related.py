@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene4d.searching.activities.compose import STRETCH, Moments, Span, odds
+from scene4d.searching.activities.compose import STRETCH, Span, Timeline, odds
 from scene4d.searching.activities.definition import ALLEN, Activity, Phase, Relation, Role, Term
-from scene4d.searching.activities.related import align_related, holds
+from scene4d.searching.activities.related import _ALLEN, align_related
 
 STEP_S = 0.5
 
@@ -24,15 +24,19 @@ def _activity(relation):
     )
 
 
+def _holds(relation, one, other):
+    return bool(_ALLEN[relation](*one, *other))
+
+
 def _intervals(n):
     return list(itertools.combinations_with_replacement(range(n), 2))
 
 
 def test_exactly_one_relation_holds_between_any_two_intervals():
     for one, other in itertools.product(_intervals(5), repeat=2):
-        found = [relation for relation in ALLEN if holds(relation, one, other)]
+        found = [relation for relation in ALLEN if _holds(relation, one, other)]
         assert len(found) == 1
-        back = [relation for relation in ALLEN if holds(relation, other, one)]
+        back = [relation for relation in ALLEN if _holds(relation, other, one)]
         expected = {
             "before": "after",
             "meets": "met_by",
@@ -53,7 +57,7 @@ def test_the_best_of_all_pairs_of_intervals(relation, seed, n):
     log_p = np.log(rng.uniform(0.01, 0.99, (2, n)))
     spans = [Span(int(rng.integers(1, 3)), [None, 4][rng.integers(2)], 0) for _ in range(2)]
     found = align_related(
-        Moments(np.arange(n), np.array([0])),
+        Timeline(np.arange(n), np.array([0])),
         log_p,
         log_p,
         _activity(relation),
@@ -75,7 +79,7 @@ def test_the_best_of_all_pairs_of_intervals(relation, seed, n):
         (
             value(log_p[0], spans[0], *one) + value(log_p[1], spans[1], *other)
             for one, other in itertools.product(_intervals(n), repeat=2)
-            if holds(relation, one, other)
+            if _holds(relation, one, other)
         ),
         default=-np.inf,
     )
@@ -83,7 +87,7 @@ def test_the_best_of_all_pairs_of_intervals(relation, seed, n):
         assert found == []
         return
     one, other = found[0][1].whole
-    assert holds(relation, one, other)
+    assert _holds(relation, one, other)
     assert value(log_p[0], spans[0], *one) + value(log_p[1], spans[1], *other) == pytest.approx(
         best
     )
@@ -94,7 +98,7 @@ def test_of_a_long_cast_the_turning_points_are_enough():
     p[0, 50:150], p[1, 80:90] = 0.9, 0.9
     log_p = np.log(p)
     spans = [Span(3, None, 0), Span(3, None, 0)]
-    moments = Moments(np.arange(200), np.array([0]))
+    moments = Timeline(np.arange(200), np.array([0]))
     found = align_related(moments, log_p, log_p, _activity("contains"), spans, STEP_S, -1.0)
     assert found[0][1].whole == ((50, 149), (80, 89))
     assert found[0][1].log_score == pytest.approx(2 * np.log(0.9))

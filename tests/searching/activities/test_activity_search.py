@@ -14,8 +14,8 @@ from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
 from scene4d.searching.activities.events import WITHOUT_BREAK, Event, Found, one_per_occurrence
 from scene4d.searching.activities.identity import unite_tracks
-from scene4d.searching.activities.known import PREDICATES
 from scene4d.searching.activities.search import find, judge
+from scene4d.searching.predicates.registry import PREDICATES
 
 CATALOGUE = load_catalogue()
 PERSON = Role("person", ("person",))
@@ -537,35 +537,21 @@ def test_a_track_that_takes_up_another_is_the_same_and_another_kind_is_not():
     assert len(unite_tracks(stage(early, much_later)).first_row) == 2
 
 
-def test_uniting_keeps_rows_and_factors_together():
-    one, other = track(3, stay([0, 10], 4)), track(8, stay([0, 10], 6))
-    world = stage(one, other)
-    factor = np.arange(len(world.tracks) * 2.0).reshape(-1, 2, 1)
-    united = unite_tracks(replace(world, camera_factor=factor))
-    assert len(united.tracks) == len(other)
-    assert united.camera_factor is not None
-    assert np.array_equal(united.camera_factor[np.arange(len(other))], factor[len(one) :])
-    assert np.array_equal(united.camera_factor[np.array([7, 2])], factor[len(one) :][[7, 2]])
-    nobody = replace(world, tracks=world.tracks.select(np.zeros(0, int)))
-    assert len(unite_tracks(nobody).tracks) == 0
-
-
 def test_uniting_asks_for_no_factors():
     asked = []
 
-    class Counting:
-        def __len__(self):
-            return len(world.tracks)
+    def counting(xy_m):
+        asked.append(len(xy_m))
+        return np.zeros((len(xy_m), 2, 1))
 
-        def __getitem__(self, rows):
-            asked.append(rows.tolist())
-            return np.zeros((len(rows), 2, 1))
-
-    world = stage(track(3, stay([0, 10], 4)), track(8, stay([0, 10], 6)))
-    united = unite_tracks(replace(world, camera_factor=Counting()))
+    world = stage(track(3, stay([0, 10], 4)), track(8, stay([0, 10], 6)), camera_factor=counting)
+    united = unite_tracks(world)
+    assert len(united.tracks) == 30
     assert asked == []
     united.rows(np.array([5])).camera_factor  # noqa: B018
-    assert asked == [[25]]
+    assert asked == [1]
+    nobody = replace(world, tracks=world.tracks.select(np.zeros(0, int)))
+    assert len(unite_tracks(nobody).tracks) == 0
 
 
 @pytest.mark.parametrize("name", ["person_enters_vehicle", "vehicle_stops"])

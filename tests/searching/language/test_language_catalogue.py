@@ -12,10 +12,10 @@ from words_scenes import LINES, ZONES
 from scene4d.core.errors import InputError
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
-from scene4d.searching.activities.known import PREDICATES
 from scene4d.searching.language import parse_query
 from scene4d.searching.language.lexicon import base_forms, read_lexicon
 from scene4d.searching.language.phrases import spelled
+from scene4d.searching.predicates.registry import PREDICATES
 
 CATALOGUE = load_catalogue()
 PHRASES = [(name, phrase) for name, a in CATALOGUE.items() for phrase in a.phrases]

@@ -7,7 +7,7 @@ import numpy as np
 from scene4d.core.body import HALPE26
 from scene4d.core.camera import Camera
 from scene4d.core.tracks import Tracks
-from scene4d.searching.predicates.rows import Rows, Stage
+from scene4d.searching.predicates.stage import Stage, StageRows
 
 STEP_S = 0.2
 
@@ -90,7 +90,7 @@ def stage_of(*paths: Path, size=(1280, 720), step_s=STEP_S, factor=None, **place
     return Stage(tracks, size, step_s, factor, **places)
 
 
-def rows_of(stage: Stage, track: int) -> Rows:
+def rows_of(stage: Stage, track: int) -> StageRows:
     return stage.rows(np.flatnonzero(stage.tracks.track == track))
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from predicate_stages import drawn, one, rows_of, stage_of, straight
 
 from scene4d.core.errors import InputError
-from scene4d.searching.predicates.place import crosses, inside
+from scene4d.searching.predicates.zones import crosses, inside
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 NOTCHED = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [5.0, 4.0], [0.0, 10.0]])
@@ -109,20 +109,20 @@ def test_crossing_is_a_probability(x, y, vx, vy, sigma):
 
 def test_names_that_do_not_exist():
     rows = rows_of(stage_of(one(), zones={"entrance": SQUARE, "yard": SQUARE}), 1)
-    with pytest.raises(InputError, match="no zone 'entrence', perhaps 'entrance'; known: entr"):
+    with pytest.raises(InputError, match="no zone 'entrence'; did you mean 'entrance'"):
         inside(rows, zone="entrence")
-    with pytest.raises(InputError, match="no line 'door'; known: gate"):
+    with pytest.raises(InputError, match="no line 'door'; there is gate"):
         crosses(rows_of(stage_of(one(), lines={"gate": GATE}), 1), line="door")
-    with pytest.raises(InputError, match="no zone 'door'; known: none"):
+    with pytest.raises(InputError, match="no zone 'door'; there is none"):
         inside(rows_of(stage_of(one()), 1), zone="door")
 
 
 @pytest.mark.parametrize(
     ("zone", "message"),
     [
-        (SQUARE[:2], "needs at least 3 points"),
-        (np.array([[0, 0], [1, np.nan], [1, 1.0]]), "finite coordinates"),
-        (np.array([[0, 0], [1, 0], [1, 0], [1, 1.0]]), "same point twice"),
+        (SQUARE[:2], "2 points, expected at least 3"),
+        (np.array([[0, 0], [1, np.nan], [1, 1.0]]), "a point is not finite"),
+        (np.array([[0, 0], [1, 0], [1, 0], [1, 1.0]]), "point 3 repeats"),
     ],
 )
 def test_zones_that_are_none(zone, message):

@@ -37,17 +37,18 @@ def test_near_adds_the_spreads_along_the_line_between():
 def test_the_cameras_error_is_shared():
     """A factor that is the same for both changes nothing; the difference of two counts."""
     a, b = one((0.0, 0.0), sigma_m=0.0), one((4.5, 0.0), sigma_m=0.0)
-    same = np.tile(np.diag([3.0, 3.0])[None], (2, 1, 1))
-    other = same.copy()
-    other[1, 0, 0] += 1.2
-    for factor, spread in ((same, 0.0), (other, 1.2)):
-        stage = stage_of(a, b, factor=factor)
+
+    def growing(along, across):
+        """3 m either way at a, and so much more along and across the line at b."""
+        more = np.diag([along, across])
+        return lambda xy_m: np.diag([3.0, 3.0]) + xy_m[:, :1, None] / 4.5 * more
+
+    for more_m, spread in ((0.0, 0.0), (1.2, 1.2)):
+        stage = stage_of(a, b, factor=growing(more_m, 0.0))
         found = near(rows_of(stage, 1), rows_of(stage, 2))
         assert found[0] == pytest.approx(float(near_probability(4.5, distance_sigma_m=spread)))
     # Across the line between them it does not matter.
-    other = same.copy()
-    other[1, 1, 1] += 1.2
-    stage = stage_of(a, b, factor=other)
+    stage = stage_of(a, b, factor=growing(0.0, 1.2))
     assert near(rows_of(stage, 1), rows_of(stage, 2))[0] == pytest.approx(
         float(near_probability(4.5))
     )

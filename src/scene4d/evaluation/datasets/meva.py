@@ -29,7 +29,7 @@ from scene4d.core.tracks import Tracks
 from scene4d.formats.activities import LabelledActivity, read_activities
 from scene4d.formats.cameras import read_calibration
 from scene4d.searching.activities.identity import unite_tracks
-from scene4d.searching.predicates.rows import Stage
+from scene4d.searching.predicates.stage import Stage
 from scene4d.searching.stages import stage_of
 from scene4d.tracking import TrackOptions
 from scene4d.tracking.following import Follower, Look

@@ -15,7 +15,7 @@ from scene4d.evaluation.trials.baselines import in_pixels, near_alone
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.activities.search import LEAST_SCORE, find
-from scene4d.searching.predicates.rows import Stage
+from scene4d.searching.predicates.stage import Stage
 
 METRES_PER_PX = (0.005, 0.01, 0.02, 0.04)
 """Lengths that a pixel may stand for in the baseline in pixels; a person of 1.7 m is 340 to 43

@@ -7,8 +7,7 @@ from jaxtyping import Float, Int
 
 from scene4d.core.errors import InputError
 from scene4d.searching.activities.definition import Activity, Phase
-from scene4d.searching.predicates.rows import Stage
-from scene4d.searching.predicates.turning import window
+from scene4d.searching.predicates.stage import Stage
 
 _NEAR = "near"
 _WINDOW_S = 1.0
@@ -75,7 +74,7 @@ def _slopes(
     """Slope of a straight line through the rows of the same track within half a window, and its
     variance for positions of variance 1; NaN where that is one row.
     """
-    early, late = window(stage, np.arange(len(xy)), _WINDOW_S / 2)
+    early, late = stage.window(np.arange(len(xy)), _WINDOW_S / 2)
     begin, end = early, late + 1
     origin = stage.first_row[stage.track_of_row]
     time_s = stage.tracks.time_s

@@ -1,25 +1,33 @@
 """Who could play an activity, and when: moments at which all its roles are there and close."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Int
 
 from scene4d.core.errors import InputError
-from scene4d.searching.activities.definition import Activity, Role, Term
-from scene4d.searching.activities.meeting import Clock, earlier, meetings
-from scene4d.searching.activities.ragged import expand, runs
-from scene4d.searching.activities.reach import is_symmetric, reach_of
-from scene4d.searching.activities.terms import lag_of
+from scene4d.searching.activities.definition import Activity, Term
+from scene4d.searching.activities.terms import lag_of, value_of
+from scene4d.searching.predicates.meeting import (
+    BOUND_SIGMA,
+    check_count,
+    earlier,
+    expand,
+    meetings,
+    runs,
+)
 from scene4d.searching.predicates.registry import Predicate
+from scene4d.searching.predicates.stage import Stage
 
 View = tuple[str, float]
 """A role, and how much earlier it is looked at (s)."""
+_BATCH = 400_000
+"""Moments of casts that are judged at a time: each probability of all of them takes 3 MB."""
 
 
 @dataclass(frozen=True, eq=False)
-class Frames:
+class Casts:
     """Moments of casts, ordered by (cast, moment).
 
     ``rows`` has the stage's row of every view, -1 where that track had none; ``tick`` the moment;
@@ -40,16 +48,24 @@ class Frames:
         """Moments of each cast."""
         return np.diff(np.append(self.first, len(self.tick)))
 
-    def only(self, casts: Bool[np.ndarray, "d"]) -> "Frames":
+    def only(self, casts: Bool[np.ndarray, "d"]) -> "Casts":
         """These casts."""
         count = self.count[casts]
         keep = np.repeat(casts, self.count)
-        return Frames(
-            {view: row[keep] for view, row in self.rows.items()},
-            self.tick[keep],
-            np.cumsum(count) - count,
-            self.tracks[casts],
-        )
+        rows = {view: row[keep] for view, row in self.rows.items()}
+        return Casts(rows, self.tick[keep], np.cumsum(count) - count, self.tracks[casts])
+
+    def batches(self) -> Iterator["Casts"]:
+        """Whole casts, about :data:`_BATCH` moments at a time."""
+        if len(self) == 0:
+            return
+        begin = runs(self.first // _BATCH)
+        for low, high in zip(begin, np.append(begin[1:], len(self.first)), strict=True):
+            stop = self.first[high] if high < len(self.first) else len(self)
+            moments = slice(self.first[low], stop)
+            rows = {view: row[moments] for view, row in self.rows.items()}
+            first = self.first[low:high] - self.first[low]
+            yield Casts(rows, self.tick[moments], first, self.tracks[low:high])
 
 
 def views_of(term: Term) -> tuple[View, ...]:
@@ -57,133 +73,167 @@ def views_of(term: Term) -> tuple[View, ...]:
     return (*((role, 0.0) for role in term.roles[:-1]), (term.roles[-1], lag_of(term)))
 
 
-def cast(clock: Clock, activity: Activity, predicates: Mapping[str, Predicate]) -> Frames:
+def rows_of_roles(stage: Stage, activity: Activity) -> dict[str, np.ndarray]:
+    """Rows of the tracks that may play each role; a track is what it is at its first row."""
+    kinds = stage.tracks.class_name[stage.first_row]
+    return {
+        role.name: np.flatnonzero(np.isin(kinds, role.classes)[stage.track_of_row] & stage.used)
+        for role in activity.roles
+    }
+
+
+def unbound_roles(activity: Activity, predicates: Mapping[str, Predicate]) -> list[str]:
+    """Roles that are not bound to another by a predicate such as near: everybody may play them who
+    is there at the same time.
+    """
+    bonds = _bonds(activity, predicates)
+    bound = {role for pair in bonds for role, _ in pair}
+    return [role.name for role in activity.roles if role.name not in bound]
+
+
+def cast(
+    stage: Stage,
+    activity: Activity,
+    rows: Mapping[str, np.ndarray],
+    predicates: Mapping[str, Predicate],
+) -> Casts:
     """All casts of an activity that come close enough, with the moments that matter.
 
-    Two roles are bound by the phases' terms that are improbable beyond some distance
-    (:func:`reach_of`); roles that nothing binds only need to be there at the same time. Raises
-    :class:`InputError` where a role is looked at at any time before, and nothing says where.
+    ``rows`` are those of each role. Two roles are bound by the phases' terms that are improbable
+    beyond some distance; roles that nothing binds only need to be there at the same time. Raises
+    :class:`InputError` where a role is looked at at any time before and nothing says where, and
+    where there would be more moments than can be judged.
     """
-    terms = [term for phase in activity.phases for term in phase.terms]
-    views = list(dict.fromkeys(view for term in terms for view in views_of(term)))
+    views = list(dict.fromkeys(view for term in activity.terms for view in views_of(term)))
     base = next((view for view in views if view[1] == 0), None)
     if base is None:
         raise InputError(f"{activity.name}: every role is looked at earlier, earlier than what?")
-    rows = {role.name: _rows_of(clock, role) for role in activity.roles}
+    bonds = _bonds(activity, predicates)
     found: dict[View, np.ndarray] = {base: rows[base[0]]}
     while len(found) < len(views):
-        link = _next_link(activity, predicates, found, views)
-        found = _joined(clock, found, link, rows)
-    return _ordered(clock, activity, found, base)
+        known, new, bond = _next_link(activity.name, bonds, list(found), views)
+        if bond is None:
+            shift = round(known[1] / stage.step_s) - round(new[1] / stage.step_s)
+            at = found[known]
+            found[new] = stage.row_at(stage.track_of_row[at], stage.tick[at] + shift)
+        else:
+            found = _joined(stage, found, (known, new), bond, rows)
+    return _ordered(stage, activity, found, base, predicates)
 
 
 @dataclass(frozen=True)
-class _Link:
-    """A view that is known, the one to be found from it, and how far they may be apart.
+class _Bond:
+    """How far two views may be apart, and for how long nothing binds them (s)."""
 
-    ``known`` and ``new`` may come in any order in time: ``lag_s`` is how much earlier ``late``'s
-    counterpart is. Without a reach, ``looked_up``, the new view is the known role at another time.
+    reach_m: float = np.inf
+    free_s: float = 0.0
+
+
+def _bonds(activity: Activity, predicates: Mapping[str, Predicate]) -> dict[frozenset[View], _Bond]:
+    """Pairs of views that come near one another in some phase.
+
+    Where several phases bind a pair each by its own reach, the widest one holds.
     """
+    pairs = {
+        frozenset(views_of(term)): None for term in activity.terms if _reach_m(term, predicates)
+    }
+    found = {}
+    for pair in pairs:
+        reaches, free_s = [], 0.0
+        for phase in activity.phases:
+            own = [_reach_m(t, predicates) for t in phase.terms if frozenset(views_of(t)) == pair]
+            tight = min(filter(None, own), default=None)
+            if tight is None:
+                free_s += phase.max_s
+            else:
+                reaches.append(tight)
+            free_s += phase.gap_s
+        found[pair] = _Bond(max(reaches), free_s)
+    return found
 
-    known: View
-    new: View
-    reach_m: float
-    margin_s: float
-    looked_up: bool = False
+
+def _reach_m(term: Term, predicates: Mapping[str, Predicate]) -> float | None:
+    """Distance beyond which a term of two roles is below 0.01 whoever they are; None for any.
+
+    The positions' own errors are left to the search, which widens its boxes by them.
+    """
+    predicate = predicates[term.predicate]
+    if predicate.holds != ("beyond" if term.negated else "within"):
+        return None
+    tau_m, *sigma_m = (
+        value_of(term, name, predicates)
+        for name in ("tau_m", "sigma_m")
+        if name in predicate.parameters
+    )
+    return max(tau_m + BOUND_SIGMA * sum(sigma_m), 0.1)
 
 
 def _next_link(
-    activity: Activity,
-    predicates: Mapping[str, Predicate],
-    found: Mapping[View, np.ndarray],
-    views: list[View],
-) -> _Link:
-    """The tightest link to a view not yet found."""
-    links = []
-    for phase in activity.phases:
-        for term in phase.terms:
-            if len(term.roles) < 2:
-                continue
-            one, two = views_of(term)
-            reach = reach_of(term, predicates)
-            for known, new in ((one, two), (two, one)):
-                if known in found and new not in found:
-                    links.append(_Link(known, new, reach, 0.0))
+    name: str, bonds: Mapping[frozenset[View], _Bond], found: list[View], views: list[View]
+) -> tuple[View, View, _Bond | None]:
+    """A view that is found, one that is not, and their bond, the tightest that there is; without a
+    bond the new view is the same role at another time.
+    """
+    links = [
+        (bonds[pair], known, new)
+        for pair in bonds
+        for known in found
+        for new in pair - set(found)
+        if known in pair
+    ]
     if links:
-        best = min(links, key=lambda link: link.reach_m)
-        if np.isfinite(best.reach_m):
-            pair = {best.known, best.new}
-            # Where every phase that binds the pair has its own reach, the widest one holds.
-            reaches, free_s = [], 0.0
-            for phase in activity.phases:
-                binding = [
-                    reach_of(term, predicates)
-                    for term in phase.terms
-                    if len(term.roles) == 2 and set(views_of(term)) == pair
-                ]
-                tight = min(binding, default=np.inf)
-                if np.isfinite(tight):
-                    reaches.append(tight)
-                else:
-                    free_s += phase.max_s
-                free_s += phase.gap_s
-            return replace(best, reach_m=max(reaches), margin_s=free_s)
+        bond, known, new = min(links, key=lambda link: link[0].reach_m)
+        return known, new, bond
     new = next(view for view in views if view not in found)
-    same = next((view for view in found if view[0] == new[0]), None)
     if np.isinf(new[1]):
         raise InputError(
-            f"{activity.name}: {new[0]!r} is looked at any time before, and no predicate such as "
-            "near says where"
+            f"{name}: {new[0]!r} is looked at at any time before, and no predicate such as near "
+            "says where"
         )
+    same = next((view for view in found if view[0] == new[0]), None)
     if same is not None:
-        return _Link(same, new, np.inf, 0.0, looked_up=True)
-    known = next(view for view in found if view[1] == 0)
-    return _Link(known, new, np.inf, 0.0)
+        return same, new, None
+    return next(view for view in found if view[1] == 0), new, _Bond()
 
 
 def _joined(
-    clock: Clock,
+    stage: Stage,
     found: dict[View, np.ndarray],
-    link: _Link,
-    rows: Mapping[str, Int[np.ndarray, "n"]],
+    link: tuple[View, View],
+    bond: _Bond,
+    rows: Mapping[str, np.ndarray],
 ) -> dict[View, np.ndarray]:
-    """The moments found so far, with the new view's rows beside them."""
-    known, new = link.known, link.new
-    if link.looked_up:
-        step = clock.stage.step_s
-        shift = round(known[1] / step) - round(new[1] / step)
-        at = found[known]
-        row = clock.row_at(clock.stage.track_of_row[at], clock.tick[at] + shift)
-        return {**found, new: row}
-    flipped = known[1] > 0
-    late, early = (new, known) if flipped else (known, new)
-    pairs = _pairs(clock, rows[late[0]], rows[early[0]], early[1], link)
-    from_row, to_row = pairs[::-1] if flipped else pairs
+    """The moments found so far, with the rows of the new view beside them."""
+    known, new = link
+    # The one that is looked at later comes first; only one of the two has a lag.
+    late, early = (new, known) if known[1] > 0 else (known, new)
+    pairs = _pairs(stage, rows[late[0]], rows[early[0]], early[1], bond)
+    from_row, to_row = pairs[::-1] if known[1] > 0 else pairs
     if len(found) == 1:
         return {known: from_row, new: to_row}
     order = np.argsort(from_row, kind="stable")
     begin = np.searchsorted(from_row[order], found[known])
-    end = np.searchsorted(from_row[order], found[known], side="right")
-    owner, at = expand(begin, end - begin)
+    count = np.searchsorted(from_row[order], found[known], side="right") - begin
+    check_count(int(count.sum()))
+    owner, at = expand(begin, count)
     joined = {view: row[owner] for view, row in found.items()}
     joined[new] = to_row[order[at]]
-    return _consistent(clock, joined, new)
+    return _consistent(stage, joined, new)
 
 
 def _pairs(
-    clock: Clock, a: np.ndarray, b: np.ndarray, lag_s: float, link: _Link
-) -> tuple[np.ndarray, np.ndarray]:
+    stage: Stage, a: Int[np.ndarray, "n"], b: Int[np.ndarray, "m"], lag_s: float, bond: _Bond
+) -> tuple[Int[np.ndarray, "p"], Int[np.ndarray, "p"]]:
     if np.isinf(lag_s):
-        return earlier(clock, a, b, reach_m=link.reach_m)
-    step = clock.stage.step_s
-    most = clock.span
-    margin = int(min(np.ceil(link.margin_s / step), most)) if link.margin_s < np.inf else most
-    return meetings(clock, a, b, reach_m=link.reach_m, margin=margin, lag=round(lag_s / step))
+        return earlier(stage, a, b, reach_m=bond.reach_m)
+    margin = int(min(np.ceil(bond.free_s / stage.step_s), stage.ticks))
+    lag = round(lag_s / stage.step_s)
+    return meetings(stage, a, b, reach_m=bond.reach_m, margin=margin, lag=lag)
 
 
-def _consistent(clock: Clock, joined: dict[View, np.ndarray], new: View) -> dict[View, np.ndarray]:
+def _consistent(stage: Stage, joined: dict[View, np.ndarray], new: View) -> dict[View, np.ndarray]:
     """One role is one track, and two roles are two."""
-    track = clock.stage.track_of_row
+    track = stage.track_of_row
     keep = np.ones(len(joined[new]), bool)
     for view, row in joined.items():
         if view != new:
@@ -192,25 +242,30 @@ def _consistent(clock: Clock, joined: dict[View, np.ndarray], new: View) -> dict
     return {view: row[keep] for view, row in joined.items()}
 
 
-def _ordered(clock: Clock, activity: Activity, found: dict[View, np.ndarray], base: View) -> Frames:
-    track = clock.stage.track_of_row
+def _ordered(
+    stage: Stage,
+    activity: Activity,
+    found: dict[View, np.ndarray],
+    base: View,
+    predicates: Mapping[str, Predicate],
+) -> Casts:
     columns = []
     for role in activity.roles:
         of_role = [row for view, row in found.items() if view[0] == role.name]
         row = of_role[0]
         for other in of_role[1:]:
             row = np.where(row < 0, other, row)
-        columns.append(np.where(row < 0, -1, track[row]))
-    tick = clock.tick[found[base]]
+        columns.append(np.where(row < 0, -1, stage.track_of_row[row]))
+    tick = stage.tick[found[base]]
     keep = np.ones(len(tick), bool)
-    if is_symmetric(activity):
+    if is_symmetric(activity, predicates):
         keep = columns[0] < columns[1]
     order = _order([*columns, tick])
     order = order[keep[order]]
     columns = [column[order] for column in columns]
     first = runs(*columns)
     who = np.column_stack([column[first] for column in columns])
-    return Frames({view: row[order] for view, row in found.items()}, tick[order], first, who)
+    return Casts({view: row[order] for view, row in found.items()}, tick[order], first, who)
 
 
 def _order(keys: list[np.ndarray]) -> Int[np.ndarray, "n"]:
@@ -223,8 +278,20 @@ def _order(keys: list[np.ndarray]) -> Int[np.ndarray, "n"]:
     return np.arange(len(keys[0])) if (ordered | equal).all() else np.lexsort(keys[::-1])
 
 
-def _rows_of(clock: Clock, role: Role) -> Int[np.ndarray, "n"]:
-    """Rows of tracks of the role's classes; a track is what it is at its first row."""
-    stage = clock.stage
-    kinds = stage.tracks.class_name[stage.first_row]
-    return np.flatnonzero(np.isin(kinds, role.classes)[stage.track_of_row] & clock.used)
+def is_symmetric(activity: Activity, predicates: Mapping[str, Predicate]) -> bool:
+    """Whether two roles may be swapped without a change of what is asked."""
+    if len(activity.roles) != 2 or set(activity.roles[0].classes) != set(activity.roles[1].classes):
+        return False
+    one, two = (role.name for role in activity.roles)
+    swap = {one: two, two: one}
+
+    def said(term: Term, names: Mapping[str, str]) -> tuple:
+        roles = tuple(names.get(role, role) for role in term.roles)
+        if predicates[term.predicate].symmetric and not lag_of(term):
+            roles = tuple(sorted(roles))
+        return (term.predicate, roles, tuple(sorted(term.parameters.items())), term.negated)
+
+    return all(
+        {said(term, {}) for term in phase.terms} == {said(term, swap) for term in phase.terms}
+        for phase in activity.phases
+    )

@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
-from typing import TypeVar
 
 import yaml
 
 from scene4d.core.errors import InputError
+from scene4d.core.text import nearest
 from scene4d.searching.activities.checking import (
     check_activity,
     check_durations,
@@ -18,14 +18,12 @@ from scene4d.searching.activities.checking import (
     check_role,
 )
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
-from scene4d.searching.activities.known import PREDICATES
-from scene4d.searching.activities.terms import check_term, nearest, parse_term
-from scene4d.searching.predicates.registry import Predicate
+from scene4d.searching.activities.terms import check_term, parse_term
+from scene4d.searching.predicates.registry import PREDICATES, Predicate
 
 _ACTIVITY = ("description", "phrases", "labels", "roles", "phases", "relations")
 _PHASE = ("name", "lasts", "gap", "holds")
 _BUILT_IN = "catalogue.yaml"
-T = TypeVar("T")
 
 
 def load_catalogue(
@@ -85,53 +83,44 @@ class _Reader:
         if root is None:
             raise InputError(f"{self._name}: is empty, expected activities:")
         top = self._mapping(root, ("activities", "classes"))
-        if "classes" in top:
-            for node in self._mapping(top["classes"], None).values():
-                self._words(node)
+        for node in self._mapping(top["classes"]).values() if "classes" in top else ():
+            self._words(node)
         if "activities" not in top:
             raise InputError(f"{self._name}, line 1: no activities:")
-        for name, node in self._mapping(top["activities"], None).items():
+        for name, node in self._mapping(top["activities"]).items():
             yield self._activity(name, node), lambda node=node: self._at(node)
 
     def _activity(self, name: str, node: yaml.Node) -> Activity:
-        given = self._mapping(node, _ACTIVITY)
-        for needed in ("roles", "phases"):
-            if needed not in given:
-                with self._at(node):
-                    raise InputError(f"activity {name!r}: {needed} is missing")
+        given = self._mapping(node, _ACTIVITY, needed=("roles", "phases"))
         roles = tuple(
-            self._checked(value, Role(key, self._words(value)), check_role)
-            for key, value in self._mapping(given["roles"], None).items()
+            self._role(key, value) for key, value in self._mapping(given["roles"]).items()
         )
-        names = tuple(role.name for role in roles)
+        names = [role.name for role in roles]
         phases = tuple(self._phase(value, names) for value in self._items(given["phases"]))
+        names = [phase.name for phase in phases]
         with self._at(node):
-            check_names("phase", [phase.name for phase in phases])
-        relations = (
-            tuple(
-                self._relation(value, [phase.name for phase in phases])
-                for value in self._items(given["relations"])
-            )
-            if "relations" in given
-            else ()
-        )
+            check_names("phase", names)
         activity = Activity(
             name,
             roles,
             phases,
-            relations,
-            self._words(given["phrases"]) if "phrases" in given else (),
-            self._words(given["labels"]) if "labels" in given else (),
+            tuple(self._relation(value, names) for value in self._items(given.get("relations"))),
+            self._words(given.get("phrases")),
+            self._words(given.get("labels")),
             self._text(given["description"]) if "description" in given else "",
         )
-        return self._checked(node, activity, lambda a: check_activity(a, self._predicates))
+        with self._at(node):
+            check_activity(activity, self._predicates)
+        return activity
 
-    def _phase(self, node: yaml.Node, roles: tuple[str, ...]) -> Phase:
-        given = self._mapping(node, _PHASE)
-        for needed in ("name", "holds"):
-            if needed not in given:
-                with self._at(node):
-                    raise InputError(f"phase: {needed} is missing")
+    def _role(self, name: str, node: yaml.Node) -> Role:
+        role = Role(name, self._words(node))
+        with self._at(node):
+            check_role(role)
+        return role
+
+    def _phase(self, node: yaml.Node, roles: Sequence[str]) -> Phase:
+        given = self._mapping(node, _PHASE, needed=("name", "holds"))
         shortest, longest = 0.0, float("inf")
         if "lasts" in given:
             lasts = [self._number(value) for value in self._items(given["lasts"])]
@@ -142,10 +131,11 @@ class _Reader:
         gap = self._number(given["gap"]) if "gap" in given else 0.0
         terms = tuple(self._term(value, roles) for value in self._items(given["holds"]))
         phase = Phase(self._text(given["name"]), terms, shortest, longest, gap)
-        place = "lasts" if gap >= 0 else "gap"
-        return self._checked(given.get(place, node), phase, check_durations)
+        with self._at(given.get("lasts" if gap >= 0 else "gap", node)):
+            check_durations(phase)
+        return phase
 
-    def _term(self, node: yaml.Node, roles: tuple[str, ...]) -> Term:
+    def _term(self, node: yaml.Node, roles: Sequence[str]) -> Term:
         with self._at(node):
             term = parse_term(self._text(node), self._predicates)
             check_term(term, roles, self._predicates)
@@ -169,13 +159,10 @@ class _Reader:
             line = node.start_mark.line + 1
             raise InputError(f"{self._name}, line {line}: {error}") from None
 
-    def _checked(self, node: yaml.Node, value: T, check: Callable[[T], None]) -> T:
-        with self._at(node):
-            check(value)
-        return value
-
-    def _mapping(self, node: yaml.Node, keys: tuple[str, ...] | None) -> dict[str, yaml.Node]:
-        """Keys and values; only these keys, and each once."""
+    def _mapping(
+        self, node: yaml.Node, keys: tuple[str, ...] | None = None, needed: tuple[str, ...] = ()
+    ) -> dict[str, yaml.Node]:
+        """Keys and values: each key once, no others than ``keys``, and all that are needed."""
         with self._at(node):
             if not isinstance(node, yaml.MappingNode):
                 raise InputError(f"expected key: value, found {_kind(node)}")
@@ -188,16 +175,22 @@ class _Reader:
                 if key in found:
                     raise InputError(f"the key {key!r} is there twice")
             found[key] = value
+        for key in needed:
+            if key not in found:
+                with self._at(node):
+                    raise InputError(f"{key} is missing")
         return found
 
-    def _items(self, node: yaml.Node) -> list[yaml.Node]:
+    def _items(self, node: yaml.Node | None) -> list[yaml.Node]:
+        if node is None:
+            return []
         with self._at(node):
             if not isinstance(node, yaml.SequenceNode):
                 raise InputError(f"expected a list, found {_kind(node)}")
         return node.value
 
-    def _words(self, node: yaml.Node) -> tuple[str, ...]:
-        """A list of words, or one word."""
+    def _words(self, node: yaml.Node | None) -> tuple[str, ...]:
+        """A list of words, or one word, or nothing."""
         if isinstance(node, yaml.ScalarNode):
             return (self._text(node),)
         return tuple(self._text(item) for item in self._items(node))

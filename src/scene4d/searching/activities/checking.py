@@ -4,10 +4,13 @@ import math
 from collections.abc import Collection, Mapping
 
 from scene4d.core.errors import InputError
+from scene4d.core.text import nearest
 from scene4d.core.tracks import CLASSES
 from scene4d.searching.activities.definition import ALLEN, Activity, Phase, Relation, Role
-from scene4d.searching.activities.terms import check_term, nearest
+from scene4d.searching.activities.terms import check_term, places_of
 from scene4d.searching.predicates.registry import Predicate
+from scene4d.searching.predicates.stage import Stage
+from scene4d.searching.predicates.zones import place_of
 
 
 def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> None:
@@ -30,7 +33,10 @@ def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> N
                 check_term(term, names, predicates)
         for relation in activity.relations:
             check_relation(relation, [phase.name for phase in activity.phases])
-        _check_use(activity)
+        used = {role for term in activity.terms for role in term.roles}
+        for name in names:
+            if name not in used:
+                raise InputError(f"role {name!r}: no phase says anything of it")
     except InputError as error:
         raise InputError(f"activity {activity.name!r}: {error}") from None
 
@@ -67,12 +73,16 @@ def check_relation(relation: Relation, phases: Collection[str]) -> None:
         raise InputError(f"relation: {relation.first!r} is related to itself")
 
 
-def _check_use(activity: Activity) -> None:
-    """Raise :class:`InputError` for a role of which nothing is said."""
-    used = {role for phase in activity.phases for term in phase.terms for role in term.roles}
-    for role in activity.roles:
-        if role.name not in used:
-            raise InputError(f"role {role.name!r}: no phase says anything of it")
+def check_places(stage: Stage, activity: Activity, predicates: Mapping[str, Predicate]) -> None:
+    """Raise :class:`InputError` for places that the activity names and the stage lacks, or that
+    are no zone or no line.
+    """
+    for kind, places in (("zone", stage.zones), ("line", stage.lines)):
+        for name in places_of(activity.terms, kind, predicates):
+            try:
+                place_of(places, kind, name)
+            except InputError as error:
+                raise InputError(f"activity {activity.name!r}: {error}") from None
 
 
 def check_names(what: str, names: list[str]) -> None:

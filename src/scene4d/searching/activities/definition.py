@@ -12,7 +12,7 @@ ALLEN = (
 
 @dataclass(frozen=True)
 class Role:
-    """A part in an activity: who may play it. ``classes`` are those of :data:`model.CLASSES`."""
+    """A part in an activity: who may play it. ``classes`` are those of :data:`tracks.CLASSES`."""
 
     name: str
     classes: tuple[str, ...]
@@ -65,3 +65,8 @@ class Activity:
     phrases: tuple[str, ...] = ()
     labels: tuple[str, ...] = ()
     description: str = ""
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """The terms of all phases."""
+        return tuple(term for phase in self.phases for term in phase.terms)

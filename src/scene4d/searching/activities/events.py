@@ -11,7 +11,7 @@ from scene4d.searching.activities.compose import Aligned
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.activities.evidence import Evidence, phase_value
 from scene4d.searching.activities.terms import term_text
-from scene4d.searching.predicates.rows import Stage
+from scene4d.searching.predicates.stage import Stage
 
 WITHOUT_BREAK = "without a break"
 """Entry of :attr:`Event.why` for what stretching phases over what denies them cost."""
@@ -50,8 +50,8 @@ class Found:
 def found_event(
     stage: Stage, activity: Activity, evidence: Evidence, cast: int, aligned: Aligned
 ) -> Found:
-    """The event of an alignment; ``aligned`` counts the moments of ``evidence.frames``."""
-    frames = evidence.frames
+    """The event of an alignment; ``aligned`` counts the moments of ``evidence.casts``."""
+    casts = evidence.casts
     why = {}
     for number, (phase, (first, last)) in enumerate(
         zip(activity.phases, aligned.core, strict=True)
@@ -61,15 +61,14 @@ def found_event(
     if aligned.stretched < -0.01:
         why[WITHOUT_BREAK] = float(np.exp(aligned.stretched))
     score = float(np.exp(min(aligned.log_score, 0.0)))
-    terms = sum(len(phase.terms) for phase in activity.phases)
-    who = frames.tracks[cast]
+    who = casts.tracks[cast]
     numbers = stage.tracks.track[stage.first_row]
-    base = next(rows for view, rows in frames.rows.items() if view[1] == 0)
+    base = next(rows for view, rows in casts.rows.items() if view[1] == 0)
     begin, end = base[aligned.begin], base[aligned.end]
     event = Event(
         activity.name,
         score,
-        score ** (1 / terms),
+        score ** (1 / len(activity.terms)),
         float(stage.tracks.time_s[begin]),
         float(stage.tracks.time_s[end]),
         {role.name: int(numbers[at]) for role, at in zip(activity.roles, who, strict=True)},

@@ -1,37 +1,23 @@
 """One object under two numbers: tracks whose boxes coincide, or take up where another ended."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from scene4d.searching.activities.crowd import clock_of
-from scene4d.searching.activities.meeting import meetings
-from scene4d.searching.activities.ragged import runs
-from scene4d.searching.predicates.rows import Factors, Stage
+from scene4d.searching.predicates.meeting import expand, meetings, runs
+from scene4d.searching.predicates.stage import Stage
 
 _SAME_BOX = 0.6
 """Overlap (intersection over union) of two boxes from which they are around one thing."""
 _SAME_SHARE = 0.7
 """Share of two tracks' common moments at which their boxes must be."""
+_SAME_PLACE_M = 3.0
+"""Tracks further apart than this on the ground are not compared: their boxes cannot coincide."""
 _RESUMED_S = 1.0
 """Longest time after which a track may be taken up by another."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Some:
-    """Factors of some rows of others, asked for only when they are."""
-
-    of_all: Factors
-    rows: Int[np.ndarray, "n"]
-
-    def __len__(self) -> int:
-        return len(self.rows)
-
-    def __getitem__(self, at: Int[np.ndarray, "m"]) -> Float[np.ndarray, "m 2 k"]:
-        return self.of_all[self.rows[at]]
 
 
 def unite_tracks(stage: Stage) -> Stage:
@@ -55,19 +41,16 @@ def unite_tracks(stage: Stage) -> Stage:
     np.minimum.at(least, group, number)
     length = stage.last_row - stage.first_row + 1
     of = stage.track_of_row
-    tick = clock_of(stage).tick
-    order = np.lexsort((of, -length[of], tick, least[group][of]))
-    order = order[runs(least[group][of][order], tick[order])]
-    tracks = replace(stage.tracks.select(order), track=least[group][of][order])
-    factors = None if stage.camera_factor is None else _Some(stage.camera_factor, order)
-    return replace(stage, tracks=tracks, camera_factor=factors)
+    track = least[group][of]
+    order = np.lexsort((of, -length[of], stage.tick, track))
+    order = order[runs(track[order], stage.tick[order])]
+    return replace(stage, tracks=replace(stage.tracks.select(order), track=track[order]))
 
 
 def _coinciding(stage: Stage) -> Int[np.ndarray, "p 2"]:
     """Pairs of tracks whose boxes coincide."""
-    clock = clock_of(stage)
-    everybody = np.flatnonzero(clock.used)
-    a, b = meetings(clock, everybody, everybody, reach_m=3.0)
+    everybody = np.flatnonzero(stage.used)
+    a, b = meetings(stage, everybody, everybody, reach_m=_SAME_PLACE_M)
     kind, of = stage.tracks.class_name, stage.track_of_row
     keep = (of[a] < of[b]) & (kind[a] == kind[b])
     a, b = a[keep], b[keep]
@@ -88,9 +71,8 @@ def _resumed(stage: Stage) -> Int[np.ndarray, "p 2"]:
     starts = tracks.time_s[begin][order]
     low = np.searchsorted(starts, tracks.time_s[end], side="right")
     high = np.searchsorted(starts, tracks.time_s[end] + _RESUMED_S, side="right")
-    first = np.repeat(np.arange(len(end)), high - low)
-    position = np.arange(len(first)) - np.repeat(np.cumsum(high - low) - (high - low), high - low)
-    second = order[low[first] + position]
+    first, position = expand(low, high - low)
+    second = order[position]
     same = tracks.class_name[end[first]] == tracks.class_name[begin[second]]
     near = _overlap(tracks.box_xyxy[end[first]], tracks.box_xyxy[begin[second]]) >= _SAME_BOX
     keep = same & near & (first != second)

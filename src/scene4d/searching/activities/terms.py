@@ -1,11 +1,11 @@
 """Terms: predicates with roles and parameters, read from text, written as text, and checked."""
 
-import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping
 
 from scene4d.core.errors import InputError
+from scene4d.core.text import nearest
 from scene4d.searching.activities.definition import Term
 from scene4d.searching.predicates.registry import Parameter, Predicate
 from scene4d.searching.predicates.relation import SIDES
@@ -31,15 +31,6 @@ _UNITS = {
     "rad/s": ("rad/s", 1.0),
     "deg/s": ("rad/s", math.pi / 180),
 }
-
-
-def nearest(word: str, known: Iterable[str]) -> str:
-    """``; did you mean X?``, or what there is where nothing is like it."""
-    known = sorted(known)
-    like = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
-    if like:
-        return f"; did you mean {like[0]!r}?"
-    return f"; there is {', '.join(known)}" if known else "; there is none"
 
 
 def parse_term(text: str, predicates: Mapping[str, Predicate]) -> Term:

@@ -10,7 +10,6 @@ from lark.exceptions import UnexpectedEOF, UnexpectedInput, UnexpectedToken
 from scene4d.core.errors import InputError
 from scene4d.searching.activities.checking import check_activity
 from scene4d.searching.activities.definition import Activity
-from scene4d.searching.activities.known import PREDICATES
 from scene4d.searching.language.clock import Window, window_of
 from scene4d.searching.language.composing import Composer
 from scene4d.searching.language.explanation import predicate_lines
@@ -20,7 +19,7 @@ from scene4d.searching.language.pieces import Piece
 from scene4d.searching.language.reading import options_of, read_tree
 from scene4d.searching.language.referents import Discourse
 from scene4d.searching.language.words import Word, read_words, refuse
-from scene4d.searching.predicates.registry import Predicate
+from scene4d.searching.predicates.registry import PREDICATES, Predicate
 
 _MOST_EXPECTED = 12
 

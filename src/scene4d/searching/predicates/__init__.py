@@ -1,7 +1,6 @@
 """Probabilities of what happens in space and time; pure functions of arrays."""
 
 from scene4d.searching.predicates.distance import NEAR_SIGMA_M, NEAR_TAU_M, near_probability
-from scene4d.searching.predicates.pairs import near_pairs
-from scene4d.searching.predicates.rows import Rows, Stage
+from scene4d.searching.predicates.stage import Stage, StageRows
 
-__all__ = ["NEAR_SIGMA_M", "NEAR_TAU_M", "Rows", "Stage", "near_pairs", "near_probability"]
+__all__ = ["NEAR_SIGMA_M", "NEAR_TAU_M", "Stage", "StageRows", "near_probability"]

@@ -5,8 +5,7 @@ from jaxtyping import Float
 
 from scene4d.core.body import HALPE26, MIN_KEYPOINT_SCORE, PERSON_HEIGHT_M
 from scene4d.searching.predicates.gaussian import above
-from scene4d.searching.predicates.rows import Rows
-from scene4d.searching.predicates.turning import window
+from scene4d.searching.predicates.stage import StageRows
 
 _ARM_MPS = 0.4
 _ARM_SIGMA_MPS = 0.2
@@ -19,7 +18,7 @@ _MOST_ROWS = 15
 
 
 def arm_moving_up(
-    a: Rows,
+    a: StageRows,
     *,
     speed_mps: float = _ARM_MPS,
     window_s: float = _ARM_WINDOW_S,
@@ -40,7 +39,7 @@ def arm_moving_up(
 
 
 def arm_moving_down(
-    a: Rows,
+    a: StageRows,
     *,
     speed_mps: float = _ARM_MPS,
     window_s: float = _ARM_WINDOW_S,
@@ -50,10 +49,12 @@ def arm_moving_down(
     return _arms(a, -1.0, speed_mps, window_s, sigma_mps)
 
 
-def _arms(a: Rows, sign: float, speed_mps: float, window_s: float, sigma_mps: float) -> np.ndarray:
+def _arms(
+    a: StageRows, sign: float, speed_mps: float, window_s: float, sigma_mps: float
+) -> np.ndarray:
     if a.stage.tracks.keypoint_uv.shape[1] != len(HALPE26):
         return np.full(len(a), np.nan)
-    early, late = window(a.stage, a.index, window_s / 2)
+    early, late = a.stage.window(a.index, window_s / 2)
     count = min(int((late - early).max(initial=0)) + 1, _MOST_ROWS)
     # At most so many rows of every window, evenly spread; NaN beyond a short one.
     share = np.arange(count) / max(count - 1, 1)
@@ -70,7 +71,7 @@ def _arms(a: Rows, sign: float, speed_mps: float, window_s: float, sigma_mps: fl
     return np.fmax(*arms)
 
 
-def _elevations(rows: Rows) -> np.ndarray:
+def _elevations(rows: StageRows) -> np.ndarray:
     """Metres (m, 2) of the left and right wrist over their shoulders; NaN where not seen."""
     uv, score = rows.keypoint_uv, rows.keypoint_score
     uv = np.where((score >= MIN_KEYPOINT_SCORE)[:, :, None], uv, np.nan)

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.searching.predicates.gaussian import above, form
-from scene4d.searching.predicates.rows import Rows
+from scene4d.searching.predicates.stage import StageRows
 
 MOVING_MPS = 0.5
 """What moves slower than this stands: people sway, boxes jitter."""
@@ -32,7 +32,7 @@ def speed(
 
 
 def speed_above(
-    a: Rows, *, speed_mps: float = 2.5, sigma_mps: float = SPEED_SIGMA_MPS
+    a: StageRows, *, speed_mps: float = 2.5, sigma_mps: float = SPEED_SIGMA_MPS
 ) -> Float[np.ndarray, "m"]:
     """P(a is faster than ``speed_mps``), m/s.
 
@@ -44,21 +44,21 @@ def speed_above(
 
 
 def speed_below(
-    a: Rows, *, speed_mps: float = 2.5, sigma_mps: float = SPEED_SIGMA_MPS
+    a: StageRows, *, speed_mps: float = 2.5, sigma_mps: float = SPEED_SIGMA_MPS
 ) -> Float[np.ndarray, "m"]:
     """P(a is slower than ``speed_mps``), m/s: the rest to :func:`speed_above`."""
     return 1 - speed_above(a, speed_mps=speed_mps, sigma_mps=sigma_mps)
 
 
 def moving(
-    a: Rows, *, speed_mps: float = MOVING_MPS, sigma_mps: float = SPEED_SIGMA_MPS
+    a: StageRows, *, speed_mps: float = MOVING_MPS, sigma_mps: float = SPEED_SIGMA_MPS
 ) -> Float[np.ndarray, "m"]:
     """P(a moves): :func:`speed_above` of 0.5 m/s."""
     return speed_above(a, speed_mps=speed_mps, sigma_mps=sigma_mps)
 
 
 def stationary(
-    a: Rows, *, speed_mps: float = MOVING_MPS, sigma_mps: float = SPEED_SIGMA_MPS
+    a: StageRows, *, speed_mps: float = MOVING_MPS, sigma_mps: float = SPEED_SIGMA_MPS
 ) -> Float[np.ndarray, "m"]:
     """P(a stands): the rest to :func:`moving` with the same speed."""
     return 1 - moving(a, speed_mps=speed_mps, sigma_mps=sigma_mps)

@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from scipy.special import ndtr
 
 from scene4d.core.body import BORDER_PX
-from scene4d.searching.predicates.rows import Rows, Stage
+from scene4d.searching.predicates.stage import Stage, StageRows
 
 _STOOPING_SHARE = 0.9
 _SOFTNESS = 0.05
@@ -21,7 +21,7 @@ _STANDING = 0.75
 """Quantile of a track's heights that counts as its standing height: people stoop for a while."""
 
 
-def stooping(a: Rows, *, share: float = _STOOPING_SHARE) -> Float[np.ndarray, "m"]:
+def stooping(a: StageRows, *, share: float = _STOOPING_SHARE) -> Float[np.ndarray, "m"]:
     """P(a is seen less tall than ``share`` of its own standing height): it bends, sits down, climbs
     into something, or something low hides its feet.
 
@@ -44,7 +44,7 @@ def stooping(a: Rows, *, share: float = _STOOPING_SHARE) -> Float[np.ndarray, "m
     return np.asarray(ndtr((share - ratio) / np.sqrt(_SOFTNESS**2 + 2 * edge**2)))
 
 
-def _tracks_of(a: Rows) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+def _tracks_of(a: StageRows) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"]]:
     """All rows of the tracks that ``a`` speaks of, ascending, and whose they are, from 0 on."""
     stage = a.stage
     tracks = np.unique(stage.track_of_row[a.index])

@@ -4,28 +4,33 @@ import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any, Literal
 
 import numpy as np
 
-from scene4d.searching.predicates import (
-    body,
-    distance,
-    motion,
-    place,
-    posture,
-    relation,
-    turning,
-    visibility,
+from scene4d.searching.predicates.body import arm_moving_down, arm_moving_up
+from scene4d.searching.predicates.crowd import crowded
+from scene4d.searching.predicates.distance import far, near, same_place
+from scene4d.searching.predicates.motion import moving, speed_above, speed_below, stationary
+from scene4d.searching.predicates.posture import stooping
+from scene4d.searching.predicates.relation import facing, following, moving_away, moving_towards
+from scene4d.searching.predicates.turning import reversing, turning_left, turning_right, u_turning
+from scene4d.searching.predicates.visibility import (
+    appears,
+    appears_from,
+    disappears,
+    disappears_into,
 )
+from scene4d.searching.predicates.zones import crosses, inside
 
 _Function = Callable[..., np.ndarray]
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number in ``unit`` ("m", "s", "m/s", "rad", "" for a share) from ``low`` to ``high``, or
-    the name of a "zone", a "line", or a "side" of a vehicle. ``default`` is None where it must be
-    given (zones, lines) or may be left out (sides).
+    """A number in ``unit`` ("m", "s", "m/s", "rad", "" for a share or a count) from ``low`` to
+    ``high``, or the name of a "zone", a "line", or a "side" of a vehicle. ``default`` is None where
+    it must be given (zones, lines) or may be left out (sides).
     """
 
     name: str
@@ -42,20 +47,28 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Predicate:
-    """``function(a, **parameters)`` or ``function(a, b, **parameters)`` of :class:`Rows`: a
-    probability per row, NaN where it cannot be judged. ``summary`` is one line of prose.
+    """``function(a, **parameters)`` or ``function(a, b, **parameters)`` of :class:`StageRows`: a
+    probability per row, NaN where it cannot be judged.
+
+    ``keypoints`` says that it looks at the body's keypoints, which are read from a scene only where
+    a predicate needs them. ``holds`` says where a predicate of two roles may hold: "within" the
+    distance ``tau_m`` (± ``sigma_m``), or "beyond" it, or None for any distance. In a ``symmetric``
+    one the roles may be swapped.
     """
 
     name: str
     arity: int
     parameters: Mapping[str, Parameter]
     function: _Function
-    summary: str
+    keypoints: bool = False
+    holds: Literal["within", "beyond"] | None = None
+    symmetric: bool = False
 
 
-_RANGE: dict[str, tuple[str, float, float]] = {
+_RANGES: dict[str, tuple[str, float, float]] = {
     "tau_m": ("m", 0.0, 1e4),
     "sigma_m": ("m", 0.01, 1e3),
+    "radius_m": ("m", 0.1, 1e3),
     "speed_mps": ("m/s", 0.0, 100.0),
     "sigma_mps": ("m/s", 0.01, 50.0),
     "angle_rad": ("rad", 0.0, np.pi),
@@ -63,79 +76,53 @@ _RANGE: dict[str, tuple[str, float, float]] = {
     "window_s": ("s", 0.05, 600.0),
     "sigma_s": ("s", 0.01, 600.0),
     "share": ("", 0.0, 1.0),
+    "count": ("", 2.0, 1e3),
     "zone": ("zone", 0.0, np.inf),
     "line": ("line", 0.0, np.inf),
     "side": ("side", 0.0, np.inf),
 }
-"""Unit and range of a parameter follow from its name."""
-_FUNCTIONS: tuple[_Function, ...] = (
-    distance.near,
-    distance.far,
-    distance.same_place,
-    motion.moving,
-    motion.stationary,
-    motion.speed_above,
-    motion.speed_below,
-    relation.moving_towards,
-    relation.moving_away,
-    relation.following,
-    relation.facing,
-    turning.turning_left,
-    turning.turning_right,
-    turning.u_turning,
-    turning.reversing,
-    visibility.appears,
-    visibility.appears_from,
-    visibility.disappears,
-    visibility.disappears_into,
-    place.inside,
-    place.crosses,
-    posture.stooping,
-    body.arm_moving_up,
-    body.arm_moving_down,
-)
-_SUMMARIES = {
-    "near": "a and b are within tau_m of one another",
-    "far": "a and b are further than tau_m from one another",
-    "same_place": "a and b stand in one place, perhaps at different times",
-    "moving": "a moves",
-    "stationary": "a stands",
-    "speed_above": "a is faster than speed_mps",
-    "speed_below": "a is slower than speed_mps",
-    "moving_towards": "a moves towards b",
-    "moving_away": "a moves away from b",
-    "following": "a moves behind b, the same way",
-    "facing": "a faces b; with side, a stands at that side of the vehicle b",
-    "turning_left": "a's direction of motion turns left",
-    "turning_right": "a's direction of motion turns right",
-    "u_turning": "a turns round",
-    "reversing": "the vehicle a moves backwards",
-    "appears": "a comes into view inside the picture, from behind nothing",
-    "appears_from": "a comes into view within b's outline, from behind nothing else",
-    "disappears": "a is gone from view inside the picture, behind nothing",
-    "disappears_into": "a is gone from view within b's outline, behind nothing else",
-    "inside": "a stands in the zone",
-    "crosses": "a crosses the line",
-    "stooping": "a is seen less tall than share of its standing height",
-    "arm_moving_up": "a raises an arm",
-    "arm_moving_down": "a lowers an arm",
-}
+"""Unit and range of a parameter follow from its name. Ranges only keep out what cannot be meant."""
 
 
-def _predicate(function: _Function) -> Predicate:
+def _predicate(function: _Function, **facts: Any) -> Predicate:
+    """A predicate with the parameters of its function's signature."""
     signature = inspect.signature(function).parameters.values()
-    roles = [p for p in signature if p.kind is p.POSITIONAL_OR_KEYWORD]
+    arity = sum(p.kind is p.POSITIONAL_OR_KEYWORD for p in signature)
     parameters = {}
     for p in signature:
         if p.kind is p.KEYWORD_ONLY:
-            unit, low, high = _RANGE[p.name]
+            unit, low, high = _RANGES[p.name]
             default = None if p.default is p.empty else p.default
             parameters[p.name] = Parameter(p.name, default, unit, low, high)
-    name = function.__name__
-    return Predicate(name, len(roles), MappingProxyType(parameters), function, _SUMMARIES[name])
+    return Predicate(function.__name__, arity, MappingProxyType(parameters), function, **facts)
 
 
-PREDICATES: Mapping[str, Predicate] = MappingProxyType(
-    {function.__name__: _predicate(function) for function in _FUNCTIONS}
+_ALL = (
+    _predicate(near, holds="within", symmetric=True),
+    _predicate(far, holds="beyond", symmetric=True),
+    _predicate(same_place, holds="within", symmetric=True),
+    _predicate(moving),
+    _predicate(stationary),
+    _predicate(speed_above),
+    _predicate(speed_below),
+    _predicate(moving_towards),
+    _predicate(moving_away),
+    _predicate(following, holds="within"),
+    _predicate(facing),
+    _predicate(turning_left),
+    _predicate(turning_right),
+    _predicate(u_turning),
+    _predicate(reversing),
+    _predicate(appears),
+    _predicate(appears_from),
+    _predicate(disappears),
+    _predicate(disappears_into),
+    _predicate(inside),
+    _predicate(crosses),
+    _predicate(stooping),
+    _predicate(crowded),
+    _predicate(arm_moving_up, keypoints=True),
+    _predicate(arm_moving_down, keypoints=True),
 )
+PREDICATES: Mapping[str, Predicate] = MappingProxyType({one.name: one for one in _ALL})
 """Every predicate that activities may use."""

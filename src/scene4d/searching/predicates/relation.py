@@ -5,10 +5,9 @@ from jaxtyping import Float
 from scipy.special import ndtr
 
 from scene4d.core.errors import InputError
-from scene4d.searching.predicates.distance import near
+from scene4d.searching.predicates.distance import Separation, near
 from scene4d.searching.predicates.gaussian import angle_between, form, in_wedge, turned, wrapped
-from scene4d.searching.predicates.rows import Rows
-from scene4d.searching.predicates.separation import Separation
+from scene4d.searching.predicates.stage import StageRows
 
 SIDES = ("front", "back", "left", "right")
 """Sides of a vehicle, as its driver names them."""
@@ -28,8 +27,8 @@ _AXIS_SIGMA_RAD = np.radians(10.0)
 
 
 def moving_towards(
-    a: Rows,
-    b: Rows,
+    a: StageRows,
+    b: StageRows,
     *,
     speed_mps: float = _TOWARDS_MPS,
     angle_rad: float = _TOWARDS_RAD,
@@ -47,8 +46,8 @@ def moving_towards(
 
 
 def moving_away(
-    a: Rows,
-    b: Rows,
+    a: StageRows,
+    b: StageRows,
     *,
     speed_mps: float = _TOWARDS_MPS,
     angle_rad: float = _TOWARDS_RAD,
@@ -60,7 +59,7 @@ def moving_away(
 
 
 def _heads_along(
-    a: Rows,
+    a: StageRows,
     unit: np.ndarray,
     sigma_rad: np.ndarray,
     speed_mps: float,
@@ -79,8 +78,8 @@ def _heads_along(
 
 
 def following(
-    a: Rows,
-    b: Rows,
+    a: StageRows,
+    b: StageRows,
     *,
     tau_m: float = _FOLLOWING_M,
     sigma_m: float = _FOLLOWING_SIGMA_M,
@@ -100,8 +99,8 @@ def following(
 
 
 def facing(
-    a: Rows,
-    b: Rows,
+    a: StageRows,
+    b: StageRows,
     *,
     side: str | None = None,
     angle_rad: float = _FACING_RAD,
@@ -138,7 +137,7 @@ def facing(
     return np.where(only_axis, (ahead + behind) / 2, ahead)
 
 
-def _at_side(way: Separation, b: Rows, side: str, sigma_m: float) -> np.ndarray:
+def _at_side(way: Separation, b: StageRows, side: str, sigma_m: float) -> np.ndarray:
     only_axis = np.isnan(b.heading_sigma_rad)
     own = np.where(only_axis, _AXIS_SIGMA_RAD, b.heading_sigma_rad)
     forwards = np.stack([np.cos(b.heading_rad), np.sin(b.heading_rad)], axis=1)

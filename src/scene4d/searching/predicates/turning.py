@@ -1,11 +1,11 @@
 """Changes of direction: turns left and right, turning round, driving backwards."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from scene4d.searching.predicates.gaussian import angle_between, direction, wrapped
 from scene4d.searching.predicates.motion import MOVING_MPS, SPEED_SIGMA_MPS, moving
-from scene4d.searching.predicates.rows import Rows, Stage
+from scene4d.searching.predicates.stage import Stage, StageRows
 
 TURN_WINDOW_S = 2.0
 TURN_RAD = np.radians(15.0)
@@ -19,7 +19,7 @@ _FLIP_SIGMA_RAD = np.radians(20.0)
 
 
 def turning_left(
-    a: Rows,
+    a: StageRows,
     *,
     angle_rad: float = TURN_RAD,
     window_s: float = TURN_WINDOW_S,
@@ -39,7 +39,7 @@ def turning_left(
 
 
 def turning_right(
-    a: Rows,
+    a: StageRows,
     *,
     angle_rad: float = TURN_RAD,
     window_s: float = TURN_WINDOW_S,
@@ -52,7 +52,7 @@ def turning_right(
 
 
 def u_turning(
-    a: Rows,
+    a: StageRows,
     *,
     angle_rad: float = _U_TURN_RAD,
     window_s: float = _U_TURN_WINDOW_S,
@@ -66,12 +66,12 @@ def u_turning(
 
 
 def _turn(
-    a: Rows, window_s: float, speed_mps: float, sigma_rad: float
+    a: StageRows, window_s: float, speed_mps: float, sigma_rad: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Turn over the window about every row, and its standard deviation; 0 where it stood."""
     stage, index = a.stage, a.index
     tracks = stage.tracks
-    early, late = window(stage, index, window_s / 2)
+    early, late = stage.window(index, window_s / 2)
     v = tracks.velocity_mps
     rows = np.flatnonzero((v**2).sum(axis=1) > speed_mps**2)
     turn, sigma = np.zeros(len(index)), np.full(len(index), sigma_rad)
@@ -87,19 +87,8 @@ def _turn(
     return turn, sigma
 
 
-def window(
-    stage: Stage, index: Int[np.ndarray, "m"], half_s: float
-) -> tuple[Int[np.ndarray, "m"], Int[np.ndarray, "m"]]:
-    """First and last row of the same track within ``half_s`` seconds of each row."""
-    line, track = stage.line_s, stage.track_of_row[index]
-    half = half_s + 1e-6  # times are sums of steps
-    early = np.searchsorted(line, line[index] - half)
-    late = np.searchsorted(line, line[index] + half, side="right") - 1
-    return np.maximum(early, stage.first_row[track]), np.minimum(late, stage.last_row[track])
-
-
 def reversing(
-    a: Rows, *, speed_mps: float = MOVING_MPS, sigma_mps: float = SPEED_SIGMA_MPS
+    a: StageRows, *, speed_mps: float = MOVING_MPS, sigma_mps: float = SPEED_SIGMA_MPS
 ) -> Float[np.ndarray, "m"]:
     """P(a vehicle moves against its heading).
 
@@ -124,7 +113,7 @@ def reversing(
     return np.asarray(either * moving(a, speed_mps=speed_mps, sigma_mps=sigma_mps))
 
 
-def _backwards(a: Rows, speed_mps: float) -> np.ndarray:
+def _backwards(a: StageRows, speed_mps: float) -> np.ndarray:
     """P(the gear of a row's stretch of motion is the reverse one); 0 in no stretch."""
     stage = a.stage
     wanted = np.zeros(len(stage.first_row), bool)

@@ -29,8 +29,7 @@ from jaxtyping import Float, Int
 from scipy.special import ndtr
 
 from scene4d.core.body import BORDER_PX
-from scene4d.searching.predicates.rows import Rows, Stage
-from scene4d.searching.predicates.turning import window
+from scene4d.searching.predicates.stage import Stage, StageRows
 
 _END_SIGMA_S = 1.0
 _LOOK_S = 0.5
@@ -42,7 +41,7 @@ WITHIN_SHARE, WITHIN_SIGMA = 0.7, 0.15
 _CLIP_SIGMA_S = 0.5
 
 
-def disappears(a: Rows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
+def disappears(a: StageRows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
     """P(a is gone from view at about this moment, inside the picture and behind nothing).
 
     ``exp(-½ (t - t_end)² / σ²)`` with the moment t_end at which a was last seen, times the factors
@@ -53,14 +52,16 @@ def disappears(a: Rows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "
     return _end(a, None, True, sigma_s)
 
 
-def appears(a: Rows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
+def appears(a: StageRows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
     """P(a comes into view at about this moment, inside the picture and from behind nothing):
     :func:`disappears` with time reversed.
     """
     return _end(a, None, False, sigma_s)
 
 
-def disappears_into(a: Rows, b: Rows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
+def disappears_into(
+    a: StageRows, b: StageRows, *, sigma_s: float = _END_SIGMA_S
+) -> Float[np.ndarray, "m"]:
     """P(a is gone, within b's outline, and nothing but b hides it): :func:`disappears`, for which b
     is no obstacle, with the factor *leaving* for *border*, times *within*.
 
@@ -71,7 +72,9 @@ def disappears_into(a: Rows, b: Rows, *, sigma_s: float = _END_SIGMA_S) -> Float
     return _end(a, b, True, sigma_s)
 
 
-def appears_from(a: Rows, b: Rows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
+def appears_from(
+    a: StageRows, b: StageRows, *, sigma_s: float = _END_SIGMA_S
+) -> Float[np.ndarray, "m"]:
     """P(a comes into view, within b's outline, and nothing but b hid it): :func:`disappears_into`
     with time reversed.
     """
@@ -108,7 +111,7 @@ def _kept(stage: Stage, last: bool) -> _Ends:
     return kept[last]
 
 
-def _end(a: Rows, b: Rows | None, last: bool, sigma_s: float) -> np.ndarray:
+def _end(a: StageRows, b: StageRows | None, last: bool, sigma_s: float) -> np.ndarray:
     ends, track = _kept(a.stage, last), a.stage.track_of_row[a.index]
     bump = np.exp(-(((a.time_s - ends.time_s[track]) / sigma_s) ** 2) / 2)
     if b is None:
@@ -166,7 +169,7 @@ def _nearest_box(
 def _carried_on(stage: Stage, row: np.ndarray, last: bool) -> np.ndarray:
     """The boxes half a second on, by their motion in the picture over the half second before."""
     tracks = stage.tracks
-    early, late = window(stage, row, _LOOK_S)
+    early, late = stage.window(row, _LOOK_S)
     from_row = early if last else late
     # Where that row was bridged there is no box, and the motion is unknown: none.
     before = tracks.box_xyxy[from_row]

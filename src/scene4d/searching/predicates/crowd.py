@@ -1,46 +1,41 @@
 """How many stand together: a predicate over everybody at a moment."""
 
-import weakref
-
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.searching.activities.meeting import BOUND_SIGMA, Clock, meetings
 from scene4d.searching.predicates.distance import near_probability
-from scene4d.searching.predicates.rows import Rows, Stage
+from scene4d.searching.predicates.gaussian import form
+from scene4d.searching.predicates.meeting import BOUND_SIGMA, meetings
+from scene4d.searching.predicates.stage import Stage, StageRows
 
+_COUNT, _RADIUS_M = 5.0, 3.0
+"""What a crowd is, unless it is said otherwise; chosen by hand."""
 _SOFTNESS_M = 0.5
-"""How vague a crowd's radius is."""
-_CLOCKS: "weakref.WeakKeyDictionary[Stage, Clock]" = weakref.WeakKeyDictionary()
+"""How vague a crowd's radius is; chosen by hand."""
 
 
-def crowded(a: Rows, *, count: float, radius_m: float) -> Float[np.ndarray, "m"]:
-    """Probability that at least ``count`` of a's kind, a among them, are within ``radius_m`` of a.
+def crowded(
+    a: StageRows, *, count: float = _COUNT, radius_m: float = _RADIUS_M
+) -> Float[np.ndarray, "m"]:
+    """P(at least ``count`` of a's kind, a among them, are within ``radius_m`` of a).
 
     Each of the others is within with P(near), independently; the number of them is then
-    Poisson-binomial, and its tail is summed exactly. Metres; NaN where a has no position.
+    Poisson-binomial, and its tail is summed exactly. NaN where a has no position.
     """
     stage = a.stage
-    clock = clock_of(stage)
     kind = stage.tracks.class_name
-    mine = np.unique(a.index[clock.used[a.index]])
-    others = np.flatnonzero(np.isin(kind, np.unique(kind[mine])) & clock.used)
+    # Of rows that are of one moment the first one counts; the others are judged as they are.
+    mine = np.unique(a.index)
+    others = np.flatnonzero(np.isin(kind, np.unique(kind[mine])) & stage.used)
     # Wide enough for every spread: the boxes grow by the positions' own.
-    reach = radius_m + BOUND_SIGMA * _SOFTNESS_M
-    row_a, row_b = meetings(clock, mine, others, reach_m=reach)
+    reach_m = radius_m + BOUND_SIGMA * _SOFTNESS_M
+    row_a, row_b = meetings(stage, mine, others, reach_m=reach_m)
     same = kind[row_a] == kind[row_b]
     row_a, row_b = row_a[same], row_b[same]
     p = _within(stage, row_a, row_b, radius_m)
     tail = _tail(np.searchsorted(mine, row_a), p, len(mine), round(count) - 1)
     tail[~np.isfinite(stage.tracks.xy_m[mine]).all(axis=1)] = np.nan
     return tail[np.searchsorted(mine, a.index)]
-
-
-def clock_of(stage: Stage) -> Clock:
-    """The stage's clock, made once."""
-    if stage not in _CLOCKS:
-        _CLOCKS[stage] = Clock(stage)
-    return _CLOCKS[stage]
 
 
 def _within(
@@ -50,8 +45,7 @@ def _within(
     apart = tracks.xy_m[row_a] - tracks.xy_m[row_b]
     distance = np.linalg.norm(apart, axis=1)
     along = apart / np.maximum(distance, 1e-9)[:, None]
-    both = tracks.covariance_m2[row_a] + tracks.covariance_m2[row_b]
-    variance = np.einsum("ni,nij,nj->n", along, both, along)
+    variance = form(along, tracks.covariance_m2[row_a] + tracks.covariance_m2[row_b])
     p = near_probability(
         distance,
         tau_m=float(radius_m),

@@ -6,14 +6,12 @@ reach, which a sweep along x tells. Only moments of such pieces are ever paired.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from scene4d.core.errors import InputError
-from scene4d.searching.activities.ragged import expand, runs
-from scene4d.searching.predicates.rows import Stage
+from scene4d.searching.predicates.stage import Stage
 
 _PIECE = 32
 """Moments of a piece: few enough for a small box, many enough to be few pieces."""
@@ -21,79 +19,14 @@ BOUND_SIGMA = 2.4
 """Standard deviations by which a box grows: P(near) is below 0.01 behind them."""
 _MOST_SPREAD_M = 10.0
 """A box grows by no more: what stands so vaguely is near nothing in particular."""
-
 _STANDS_MPS = 0.5
-_ROUNDING = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Clock:
-    """The moments of a stage as whole numbers of steps."""
-
-    stage: Stage
-
-    @cached_property
-    def tick(self) -> Int[np.ndarray, "n"]:
-        """Moment of each row (:func:`ticks_of`). Raises :class:`InputError` where the rows are not
-        ordered by (track, time).
-        """
-        time_s = self.stage.tracks.time_s
-        if not np.isfinite(time_s).all():
-            raise InputError("stage: a time is not finite")
-        same = np.diff(self.stage.track_of_row) == 0
-        late = np.flatnonzero(same & (np.diff(time_s) <= 0))
-        if len(late):
-            row = int(late[0]) + 1
-            raise InputError(
-                f"stage: row {row} at {time_s[row]:.3f} s is not later than the row before it, of "
-                f"the same track {self.stage.tracks.track[row]}; expected the order (track, time)"
-            )
-        return ticks_of(time_s, self.stage.step_s)
-
-    @cached_property
-    def used(self) -> Bool[np.ndarray, "n"]:
-        """The first row of each track at each moment; times may lie closer than the steps."""
-        used = np.zeros(len(self.tick), bool)
-        used[runs(self.stage.track_of_row, self.tick)] = True
-        return used
-
-    @cached_property
-    def span(self) -> int:
-        """More than any difference of moments."""
-        return int(self.tick.max() - self.tick.min()) + 1 if len(self.tick) else 1
-
-    @cached_property
-    def key(self) -> Int[np.ndarray, "n"]:
-        """One ascending number for (track, moment)."""
-        if len(self.tick) == 0:
-            return self.tick
-        return self.stage.track_of_row * (3 * self.span) + (self.tick - self.tick.min())
-
-    def row_at(
-        self, track: Int[np.ndarray, "m"], tick: Int[np.ndarray, "m"]
-    ) -> Int[np.ndarray, "m"]:
-        """Row of the track (its position in the stage) at the moment, -1 where it has none."""
-        wanted = track * (3 * self.span) + (tick - self.tick.min())
-        row = np.searchsorted(self.key, wanted)
-        row[row == len(self.key)] = 0
-        # A moment before the stage's first or behind its last would be another track's.
-        inside = (tick >= self.tick.min()) & (tick <= self.tick.max())
-        return np.where(inside & (self.key[row] == wanted), row, -1)
-
-
-def ticks_of(time_s: Float[np.ndarray, "n"], step_s: float) -> Int[np.ndarray, "n"]:
-    """Times as whole numbers of steps behind the first of them, the nearest ones.
-
-    Half a step counts as none, whichever way it was rounded: times a step apart are always a tick
-    apart.
-    """
-    if len(time_s) == 0:
-        return np.zeros(0, np.int64)
-    return np.ceil((time_s - time_s.min()) / step_s - (0.5 + _ROUNDING)).astype(np.int64)
+"""What is slower than this stands, as for :func:`motion.moving`."""
+MOST_MOMENTS = 20_000_000
+"""Moments of casts that may be made at once: they take about 2 GB and some minutes."""
 
 
 def meetings(
-    clock: Clock,
+    stage: Stage,
     a: Int[np.ndarray, "n"],
     b: Int[np.ndarray, "m"],
     *,
@@ -104,15 +37,15 @@ def meetings(
     """Rows of ``a`` and, ``lag`` moments before, rows of ``b``, of tracks that come within
     ``reach_m``, and up to ``margin`` moments before and after they do.
 
-    ``a`` and ``b`` are ascending rows in use (:attr:`Clock.used`); a track does not meet itself
+    ``a`` and ``b`` are ascending rows in use (:attr:`Stage.used`); a track does not meet itself
     unless there is a lag. The pairs are ordered by (track of a, track of b, moment). Rows of a
     piece of :data:`_PIECE` moments come all or none, so some that are further apart come too.
     """
     none = np.zeros(0, np.int64)
     if len(a) == 0 or len(b) == 0:
         return none, none
-    pieces_a = _pieces(clock, a, 0)
-    pieces_b = _pieces(clock, b, lag)
+    pieces_a = _pieces(stage, a, 0)
+    pieces_b = _pieces(stage, b, lag)
     i, j = _close(pieces_a, pieces_b, reach_m)
     if lag == 0:
         other = pieces_a.track[i] != pieces_b.track[j]
@@ -120,20 +53,21 @@ def meetings(
     if len(i) == 0:
         return none, none
     piece_a = _with_neighbours(pieces_a, i, pieces_b.track[j], margin)
+    check_count(int(pieces_a.count[piece_a[0]].sum()))
     owner, position = expand(pieces_a.first[piece_a[0]], pieces_a.count[piece_a[0]])
     row_a = a[position]
     track_b = piece_a[1][owner]
-    row_b = clock.row_at(track_b, clock.tick[row_a] - lag)
+    row_b = stage.row_at(track_b, stage.tick[row_a] - lag)
     there = row_b >= 0
-    if len(b) < len(clock.tick):
-        allowed = np.zeros(len(clock.tick), bool)
+    if len(b) < len(stage.tick):
+        allowed = np.zeros(len(stage.tick), bool)
         allowed[b] = True
         there &= allowed[row_b]
     return row_a[there], row_b[there]
 
 
 def earlier(
-    clock: Clock, a: Int[np.ndarray, "n"], b: Int[np.ndarray, "m"], *, reach_m: float
+    stage: Stage, a: Int[np.ndarray, "n"], b: Int[np.ndarray, "m"], *, reach_m: float
 ) -> tuple[Int[np.ndarray, "p"], Int[np.ndarray, "p"]]:
     """Rows of ``a`` with, for each track of ``b`` that was within reach before, the row nearest.
 
@@ -141,12 +75,12 @@ def earlier(
     square of a tenth of ``reach_m`` only the first counts at which it stood, or else was there, so
     that a parked vehicle is one row.
     """
-    tracks = clock.stage.tracks
+    tracks = stage.tracks
     a = a[np.isfinite(tracks.xy_m[a]).all(axis=1)]
     b = b[np.isfinite(tracks.xy_m[b]).all(axis=1)]
     fine = np.floor(tracks.xy_m[b] / (reach_m / 10)).astype(np.int64)
     speed = np.linalg.norm(tracks.velocity_mps[b], axis=1)
-    track = clock.stage.track_of_row[b]
+    track = stage.track_of_row[b]
     order = np.lexsort((b, ~(speed < _STANDS_MPS), fine[:, 1], fine[:, 0], track))
     head = runs(track[order], fine[order, 0], fine[order, 1])
     b = b[order][head]
@@ -154,8 +88,8 @@ def earlier(
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     i, j = _same_place(tracks.xy_m[a], tracks.xy_m[b], reach_m)
     row_a, row_b = a[i], b[j]
-    track_a, track_b = clock.stage.track_of_row[row_a], clock.stage.track_of_row[row_b]
-    keep = (clock.tick[row_b] < clock.tick[row_a]) & (track_a != track_b)
+    track_a, track_b = stage.track_of_row[row_a], stage.track_of_row[row_b]
+    keep = (stage.tick[row_b] < stage.tick[row_a]) & (track_a != track_b)
     row_a, row_b, track_a, track_b = row_a[keep], row_b[keep], track_a[keep], track_b[keep]
     apart = np.linalg.norm(tracks.xy_m[row_a] - tracks.xy_m[row_b], axis=1)
     order = np.lexsort((apart, row_a, track_b, track_a))
@@ -175,13 +109,13 @@ class _Pieces:
     high: Float[np.ndarray, "p 2"]
 
 
-def _pieces(clock: Clock, rows: Int[np.ndarray, "n"], lag: int) -> _Pieces:
+def _pieces(stage: Stage, rows: Int[np.ndarray, "n"], lag: int) -> _Pieces:
     """Pieces of the rows; without positions their box is empty, and nothing meets it."""
-    track = clock.stage.track_of_row[rows]
-    window = (clock.tick[rows] + lag) // _PIECE
+    track = stage.track_of_row[rows]
+    window = (stage.tick[rows] + lag) // _PIECE
     first = runs(track, window)
     count = np.diff(np.append(first, len(rows)))
-    tracks = clock.stage.tracks
+    tracks = stage.tracks
     variance = tracks.covariance_m2[:, 0, 0][rows] + tracks.covariance_m2[:, 1, 1][rows]
     spread = np.fmin(BOUND_SIGMA * np.sqrt(np.maximum(variance, 0)), _MOST_SPREAD_M)
     # Column by column: along rows of two, a reduction takes ten times as long.
@@ -271,3 +205,31 @@ def _same_place(
         found_i.append(i[near])
         found_j.append(j[near])
     return np.concatenate(found_i), np.concatenate(found_j)
+
+
+def check_count(moments: int) -> None:
+    """Raise :class:`InputError` for more moments of pairs or casts than can be judged."""
+    if moments > MOST_MOMENTS:
+        raise InputError(
+            f"{moments:,} moments of possible casts are too many to judge (at most "
+            f"{MOST_MOMENTS:,}): ask for fewer roles, for roles that are near one another, or "
+            "search a shorter piece of footage"
+        )
+
+
+def expand(
+    first: Int[np.ndarray, "n"], count: Int[np.ndarray, "n"]
+) -> tuple[Int[np.ndarray, "m"], Int[np.ndarray, "m"]]:
+    """The ranges ``first, first + 1, ...`` one after the other: which range, and the number."""
+    owner = np.repeat(np.arange(len(first)), count)
+    begins = np.cumsum(count) - count
+    return owner, first[owner] + np.arange(len(owner)) - begins[owner]
+
+
+def runs(*keys: Int[np.ndarray, "n"]) -> Int[np.ndarray, "w"]:
+    """Where rows begin whose keys differ from those of the row before."""
+    new = np.zeros(len(keys[0]), bool)
+    new[:1] = True
+    for key in keys:
+        new[1:] |= key[1:] != key[:-1]
+    return np.flatnonzero(new)
