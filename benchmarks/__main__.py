@@ -1,8 +1,8 @@
-"""Accuracy and speed beside peers, growth, stage times, start-up, predicates, search.
+"""Accuracy and speed beside peers, growth, stage times, start-up, search.
 
     make bench                       everything, written into docs/benchmarks.md (12 minutes)
     python -m benchmarks --quick     a smoke run: the same code on little work, nothing written
-    python -m benchmarks --only peers growth stages startup predicates search
+    python -m benchmarks --only peers growth stages startup search
 
 Needs PETS 2009 with its true camera (--data, $SCENE4D_DATA or ../shared/data) and the dependency
 group "bench". Close other programs first: busy cores change every time, and some of the ratios.
@@ -18,7 +18,6 @@ from benchmarks import (
     figures,
     growth,
     peers,
-    predicates,
     scenes,
     search,
     stages,
@@ -28,7 +27,7 @@ from benchmarks.tables import Rows, machine, markdown, put
 from scene4d.evaluation import pets
 
 ROOT = Path(__file__).parents[1]
-SECTIONS = ("peers", "growth", "stages", "startup", "predicates", "search")
+SECTIONS = ("peers", "growth", "stages", "startup", "search")
 NEED_DATA = {"peers", "growth", "stages"}
 
 
@@ -45,8 +44,6 @@ class Amount:
     crowd: tuple[int, ...]
     sampled: int | None
     starts: int
-    pairs_share: int
-    pairs_repeats: int
     days: tuple[int, ...]
     searches: int
 
@@ -61,8 +58,6 @@ FULL = Amount(
     crowd=(100, 1_000, 10_000, 100_000),
     sampled=None,
     starts=9,
-    pairs_share=1,
-    pairs_repeats=predicates.REPEATS,
     days=(10_000, 100_000, 1_000_000),
     searches=5,
 )
@@ -76,8 +71,6 @@ QUICK = Amount(
     crowd=(100, 1_000),
     sampled=20,
     starts=2,
-    pairs_share=30,
-    pairs_repeats=1,
     days=(5_000, 20_000),
     searches=1,
 )
@@ -117,9 +110,6 @@ def measure(report: Report, amount: Amount, wanted: list[str], data: Path) -> No
         report.curves("frames", growth.frames(video, amount.frames))
         report.curves("sizes", growth.sizes(video, amount.widths, amount.pictures))
         report.curves("pairs", growth.pairs(amount.crowd))
-    if "predicates" in wanted:
-        crowds = predicates.crowds(amount.pairs_share)
-        report.table("predicates", predicates.table(crowds, amount.pairs_repeats))
     if "search" in wanted:
         with search.days(amount.days) as days:
             report.table("search", search.table(days[-1], amount.searches))
