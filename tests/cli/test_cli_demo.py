@@ -3,7 +3,9 @@
 import json
 import shutil
 from dataclasses import replace
+from importlib import import_module
 from importlib.resources import files
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -15,7 +17,10 @@ from scene4d.cli.demo import PUBLISHED
 from scene4d.core.errors import UnavailableError
 from scene4d.formats.cameras import read_camera
 from scene4d.formats.demo import FILE_NAME, IMAGE_SIZE, demo_columns, demo_detections
+from scene4d.store.query import Scene
 from scene4d.video import sample
+
+demo = import_module("scene4d.cli.demo")
 
 
 @pytest.fixture
@@ -63,6 +68,32 @@ def test_with_the_video_but_no_networks_the_report_shows_the_scene(
     assert "the network is closed" in done.stderr
     assert PUBLISHED in done.stdout and str(tmp_path / "out" / "report.html") in done.stdout
     assert shown[0].shape == (576, 768, 3)
+
+
+@pytest.mark.weights
+@pytest.mark.shared_data
+def test_the_whole_chain(run, networks, pets, tmp_path, monkeypatch, plain_report):
+    """Calibrated from the embedded people, which is quick; the rest is as users see it."""
+
+    def quickly(progress):
+        return demo._from_embedded_people(pets, "in this test", progress), pets
+
+    monkeypatch.setattr(demo, "_calibrated", quickly)
+    monkeypatch.setattr(demo, "_TRACKED_S", 4.0)
+    out = tmp_path / "out"
+    done = run("demo", "--out", out)
+    assert done.exit_code == 0, done.stderr
+    shown = [Path(line.strip()) for line in done.stdout.split("Open these pages:")[1].split()]
+    assert [path.name for path in shown if path.suffix == ".html"] == ["report.html", "search.html"]
+    assert all(path.is_file() for path in shown)
+    rerun = run("demo", "--out", out, "--json")
+    assert rerun.exit_code == 0, rerun.stderr
+    again = json.loads(rerun.stdout)
+    assert again["people_from"] == "video" and again["error"] is None
+    assert again["search"]["events"], "somebody walks in the first four seconds"
+    scene = Scene.open(again["scene"])
+    people = scene.tracks(classes=["person"])
+    assert len(np.unique(people.track)) >= 4 and np.ptp(people.time_s) == pytest.approx(4, abs=0.3)
 
 
 @pytest.mark.weights

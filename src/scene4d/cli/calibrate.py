@@ -2,7 +2,7 @@
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -195,7 +195,7 @@ def calibrate(
     return calibrated(result.calibration, out)
 
 
-def calibrated(found: "Calibration", out: Path, **more: str) -> Answer:
+def calibrated(found: "Calibration", out: Path, **more: Any) -> Answer:
     """The answer that a calibration is; ``more`` are further fields."""
     return Answer(
         found.to_dict() | {"out": str(out)} | more,

@@ -1,12 +1,13 @@
 """``scene4d demo``: a first calibration, on footage whose true camera is published."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from scene4d.cli.command import Answer, Job, command, output_folder
-from scene4d.cli.output import say
+from scene4d.cli.output import emit, say
 from scene4d.core.errors import OutputError, UnavailableError
 
 if TYPE_CHECKING:
@@ -14,24 +15,32 @@ if TYPE_CHECKING:
 
     from scene4d.calibration.calibrating import Run
     from scene4d.core.progress import Progress
+    from scene4d.searching import SearchResult
 
 _TITLE = "PETS 2009 S2.L1, View 001"
 PUBLISHED = "height 7.07 m, tilt 16.48°, roll -3.09°"
 """Tsai calibration of View_001 that the University of Reading published with the footage."""
 
 
+_SEARCH = "a person walks faster than 1 m/s for more than 2 seconds"
+_RATE_HZ = 5.0
+"""Half of the default: the demo is to end within a minute."""
+_TRACKED_S = 20.0
+"""Seconds of the sample that are tracked: some people and both parked cars are in them."""
+
+
 @command("demo")
 def demo(
     job: Job,
     out: Annotated[
-        Path, typer.Option(metavar="DIR", help="Folder for the camera and the report.")
+        Path, typer.Option(metavar="DIR", help="Folder for the camera, the scene and the pages.")
     ] = Path("scene4d-demo"),
 ) -> Answer:
-    """Calibrate the camera of a sample video, and say where the report lies.
+    """Show the whole chain on a sample video: camera, tracks, one search, and their pages.
 
     The sample is 80 seconds of people on a campus (PETS 2009, University of Reading), whose true
-    camera is published. It and the networks are fetched once, about 100 and 45 MB. Where they
-    cannot be had, the demo says so and goes on from people that scene4d detected in this video
+    camera is published. It and the networks are fetched once, about 100 and 70 MB. Where they
+    cannot be had, the demo says so and calibrates from people that scene4d detected in this video
     beforehand.
 
     [bold]Examples[/bold]
@@ -44,12 +53,46 @@ def demo(
     from scene4d.cli.calibrate import calibrated
 
     with output_folder(out), job.progress() as progress:
-        result, people = _calibrated(progress)
+        result, video = _calibrated(progress)
         write(result, out, command=command_line(), progress=progress)
-    return calibrated(result.calibration, out, people_from=people)
+        chain = None if video is None else _tracked_and_searched(video, out, progress)
+    source = "embedded table" if video is None else "video"
+    more = {} if chain is None else {"scene": str(out / "scene"), "search": chain.to_dict()}
+    camera = calibrated(result.calibration, out, people_from=source, **more)
+    return replace(camera, show=lambda: _show(camera, chain, out))
 
 
-def _calibrated(progress: "Progress") -> "tuple[Run, str]":
+def _show(camera: Answer, chain: "SearchResult | None", out: Path) -> None:
+    camera.show()
+    lines = [f"\nThe published calibration of this camera: {PUBLISHED}."]
+    if chain is not None:
+        best = f", the best from {chain.events[0].event.begin_s:.0f} s" if chain.events else ""
+        lines += [
+            f'Searched the first {_TRACKED_S:.0f} s for "{_SEARCH}":',
+            f"{len(chain.events)} events{best}.",
+            "\nOpen these pages:",
+            f"  {out / 'report.html'}",
+            *(f"  {path}" for path in sorted((out / "scene" / "figures").glob("*"))),
+            f"  {out / 'search' / 'search.html'}",
+        ]
+    emit("\n".join(lines) + "\n")
+
+
+def _tracked_and_searched(video: Path, out: Path, progress: "Progress") -> "SearchResult":
+    from scene4d.searching import SearchOptions, answer, understand
+    from scene4d.store.query import Scene
+    from scene4d.tracking import TrackOptions, track_scene
+    from scene4d.video.sample import first_seconds
+
+    clip = first_seconds(video, out / "pets.avi", _TRACKED_S)
+    track_scene(clip, out / "scene", TrackOptions(out / "camera.json", rate_hz=_RATE_HZ), progress)
+    found = answer(understand(Scene.open(out / "scene"), _SEARCH, SearchOptions()), progress)
+    found.save(out / "search", command=None, progress=progress)
+    return found
+
+
+def _calibrated(progress: "Progress") -> "tuple[Run, Path | None]":
+    """The camera, and the footage where that and the networks could be had."""
     from scene4d.calibration.calibrating import run
     from scene4d.calibration.options import CalibrateOptions
     from scene4d.calibration.watching import fetch_weights
@@ -60,10 +103,10 @@ def _calibrated(progress: "Progress") -> "tuple[Run, str]":
     try:
         with progress.stage("Getting the sample video", None):
             video = sample_video(cache_dir() / "samples")
-        fetch_weights(progress)
+        fetch_weights(progress, vehicles=True)
     except (UnavailableError, OutputError) as error:
-        return _from_embedded_people(video, str(error), progress), "embedded table"
-    return run(video, CalibrateOptions(), progress), "video"
+        return _from_embedded_people(video, str(error), progress), None
+    return run(video, CalibrateOptions(), progress), video
 
 
 def _from_embedded_people(video: Path | None, why: str, progress: "Progress") -> "Run":

@@ -24,3 +24,24 @@ SAMPLE = Download(
 def sample_video(folder: Path) -> Path:
     """The sample video in ``folder``, fetched on first use; raises as :func:`.fetched`."""
     return fetched(SAMPLE, folder)
+
+
+def first_seconds(video: Path, out: Path, seconds: float) -> Path:
+    """Write the beginning of a video as it is coded, without decoding it, and return ``out``.
+
+    Where ``out`` is there already, it stays.
+    """
+    import av
+
+    if out.exists():
+        return out
+    part = out.with_name(f".scene4d-{out.name}")
+    with av.open(str(video)) as source, av.open(str(part), "w") as target:
+        footage = source.streams.video[0]
+        copy = target.add_stream_from_template(footage)
+        for packet in source.demux(footage):
+            if packet.dts is None or packet.dts * packet.time_base >= seconds:
+                break
+            packet.stream = copy
+            target.mux(packet)
+    return part.replace(out)
