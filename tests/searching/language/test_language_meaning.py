@@ -11,7 +11,7 @@ from scene4d.searching.language import explain
 
 
 def test_the_golden_table():
-    """python tests/activities/language/make_sentences.py writes it anew."""
+    """python tests/searching/language/make_sentences.py writes it anew."""
     assert table() == GOLDEN.read_text("utf-8")
 
 
@@ -159,7 +159,7 @@ def test_next_is_then_and_next_to_is_a_place():
 def test_a_lasting_state_around_an_event_is_an_allen_relation():
     activity = parsed("person is near vehicle for 60 s while another person enters it").activity
     assert activity.relations == (
-        Relation("comes", "during", "near"),
+        Relation("stays", "during", "near"),
         Relation("vanishes", "during", "near"),
     )
 

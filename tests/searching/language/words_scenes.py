@@ -1,20 +1,18 @@
 """What the tests of searches in words share."""
 
 from functools import cache
-from pathlib import Path
 
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.language import parse_query
 
-HERE = Path(__file__).parent
 ZONES = ("entrance", "door", "car park")
 LINES = ("gate",)
 
 
 @cache
 def catalogue():
-    """One that stays as it is when the package's is tuned."""
-    return load_catalogue(HERE / "words_catalogue.yaml", built_in=False)
+    """The one that is shipped."""
+    return load_catalogue()
 
 
 def parsed(text, zones=ZONES, lines=LINES):

@@ -12,7 +12,8 @@ from lark.lexer import Lexer
 
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.language.lexicon import Lexicon, base_forms, read_lexicon
-from scene4d.searching.language.phrases import PhraseReader, Spoken
+from scene4d.searching.language.phrases import PhraseReader
+from scene4d.searching.language.sentences import Spoken
 from scene4d.searching.language.words import Vocabulary, Word
 
 _OF_KIND = {

@@ -7,32 +7,8 @@ from itertools import product
 from scene4d.core.errors import InputError
 from scene4d.searching.activities.definition import Activity, Role
 from scene4d.searching.language.lexicon import Lexicon, base_forms
+from scene4d.searching.language.sentences import Slot, Spoken
 from scene4d.searching.language.words import Vocabulary, read_words
-
-
-@dataclass(frozen=True)
-class Slot:
-    """A place in a phrase where somebody stands: the kind of noun, what adjectives it has, whether
-    it is two of them, and whether it is "people".
-    """
-
-    kind: str
-    adjectives: tuple[str, ...] = ()
-    pair: bool = False
-    is_plural: bool = False
-
-
-@dataclass(frozen=True)
-class Spoken:
-    """An activity as one of its phrases says it: the slots in their order, and the roles that
-    they fill; ``has_subject`` where the first of them stands before the verb.
-    """
-
-    activity: Activity
-    slots: tuple[Slot, ...]
-    roles: tuple[str, ...]
-    has_subject: bool
-
 
 PEOPLE = "people"
 """The noun that is a plural by itself."""

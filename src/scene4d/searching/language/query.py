@@ -1,5 +1,6 @@
-"""A search in words as an activity."""
+"""A search in words as an activity, and what was understood of it in lines to read."""
 
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -9,19 +10,47 @@ from lark.exceptions import UnexpectedEOF, UnexpectedInput, UnexpectedToken
 
 from scene4d.core.errors import InputError
 from scene4d.searching.activities.checking import check_activity
-from scene4d.searching.activities.definition import Activity
-from scene4d.searching.language.clock import Window, window_of
-from scene4d.searching.language.composing import Composer
-from scene4d.searching.language.explanation import predicate_lines
+from scene4d.searching.activities.definition import Activity, Phase
+from scene4d.searching.activities.terms import term_text
+from scene4d.searching.language.composing import compose
+from scene4d.searching.language.discourse import Discourse
 from scene4d.searching.language.grammar import Grammar, build_grammar
 from scene4d.searching.language.lexicon import Lexicon
-from scene4d.searching.language.pieces import Piece
-from scene4d.searching.language.reading import options_of, read_tree
-from scene4d.searching.language.referents import Discourse
+from scene4d.searching.language.reading import read_tree
+from scene4d.searching.language.saying import Piece
+from scene4d.searching.language.sentences import Clock, options_of
 from scene4d.searching.language.words import Word, read_words, refuse
 from scene4d.searching.predicates.registry import PREDICATES, Predicate
 
 _MOST_EXPECTED = 12
+"""Longer lists of what could be said instead are cut off."""
+_DAY_S = 86400.0
+
+
+@dataclass(frozen=True)
+class Window:
+    """A time of every day, seconds from midnight on the footage's own clock: from ``begin_s`` up
+    to ``end_s``, over midnight where the end is not after the beginning.
+    """
+
+    begin_s: float
+    end_s: float
+
+    def contains(self, second_of_day: float) -> bool:
+        """Whether a time of day lies in it."""
+        second = second_of_day % _DAY_S
+        if self.begin_s < self.end_s:
+            return self.begin_s <= second < self.end_s
+        return second >= self.begin_s or second < self.end_s
+
+    def __str__(self) -> str:
+        return f"{_written(self.begin_s)} to {_written(self.end_s)}"
+
+
+def _written(seconds: float) -> str:
+    minutes, second = divmod(round(seconds), 60)
+    hour, minute = divmod(minutes, 60)
+    return f"{hour:02d}:{minute:02d}" + (f":{second:02d}" if second else "")
 
 
 @dataclass(frozen=True)
@@ -60,18 +89,36 @@ def parse_query(
     sentence = sentences[0]
     if len(sentences) > 1:
         notes.append("the time of day could be read in several ways")
-    composer = Composer(text, grammar.lexicon.assumed)
-    piece, discourse = composer.compose(sentence.order, Discourse(text, grammar.lexicon))
+    discourse = Discourse(text, grammar.lexicon)
+    piece = compose(sentence.order, discourse)
     activity = _activity(piece, discourse, text, catalogue)
     check_activity(activity, predicates)
-    window = window_of(sentence.clocks, text, grammar.lexicon.assumed["at_s"], notes)
-    return Query(
-        text,
-        activity,
-        predicate_lines(activity),
-        window,
-        [*discourse.notes, *_word_notes(words, activity, grammar), *notes],
-    )
+    window = _window_of(sentence.clocks, discourse, notes)
+    terms = [term_text(term) for phase in activity.phases for term in phase.terms]
+    notes = [*discourse.notes, *_word_notes(words, activity, grammar), *notes]
+    return Query(text, activity, terms, window, notes)
+
+
+def explain(activity: Activity, window: Window | None, notes: Sequence[str]) -> list[str]:
+    """The decomposition as text: who, the phases with their durations and terms, when, notes."""
+    lines = [f"{role.name}: {' or '.join(role.classes)}" for role in activity.roles]
+    for number, phase in enumerate(activity.phases, 1):
+        lines.append(f"{number}. {phase.name}{_lasting(phase)}{_pause(phase, number)}")
+        lines += [f"   {term_text(term)}" for term in phase.terms]
+    lines += [f"{r.first} {r.relation} {r.second}" for r in activity.relations]
+    if window is not None:
+        lines.append(f"time of day: {window}")
+    return [*lines, *(f"note: {note}" for note in notes)]
+
+
+def _lasting(phase: Phase) -> str:
+    if math.isinf(phase.max_s):
+        return f", at least {phase.min_s:g} s" if phase.min_s else ""
+    return f", {phase.min_s:g} to {phase.max_s:g} s"
+
+
+def _pause(phase: Phase, number: int) -> str:
+    return f", at most {phase.gap_s:g} s later" if number > 1 and phase.gap_s else ""
 
 
 def _activity(
@@ -96,6 +143,34 @@ def _word_notes(words: Sequence[Word], activity: Activity, grammar: Grammar) -> 
         for word in words
         if word.kind == "word" and form == word.value
     ]
+
+
+def _window_of(clocks: Sequence[Clock], discourse: Discourse, notes: list[str]) -> Window | None:
+    """The one time of day that a search asks for.
+
+    Raises :class:`InputError` where two are said, or one that holds no time.
+    """
+    if not clocks:
+        return None
+    if len(clocks) > 1:
+        raise discourse.refuse(clocks[1].span, "a second time of day; one search asks for one")
+    clock, said = clocks[0], discourse.said(clocks[0].span)
+    if clock.at is not None:
+        at_s = discourse.assumed("at_s")
+        window = Window((clock.at - at_s) % _DAY_S, (clock.at + at_s) % _DAY_S)
+        notes.append(f'"{said}" is taken as {window}')
+    else:
+        begin = 0.0 if clock.begin is None else clock.begin
+        end = _DAY_S if clock.end is None else clock.end
+        if begin == end:
+            raise discourse.refuse(clock.span, f'"{said}" holds no time')
+        window = Window(begin % _DAY_S, end)
+    if window.begin_s >= window.end_s:
+        notes.append(f"the time of day {window} goes over midnight")
+    return window
+
+
+# What is not understood --------------------------------------------------------------------------
 
 
 def _parse(text: str, words: Sequence[Word], grammar: Grammar) -> Tree:

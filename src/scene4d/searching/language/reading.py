@@ -4,13 +4,12 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, TypeVar
+from typing import Any
 
 from lark import Token, Transformer, Tree, v_args
 from lark.exceptions import VisitError
 
-from scene4d.searching.language.amounts import Amount, amount_of, read_number
-from scene4d.searching.language.clock import read_clock
+from scene4d.searching.language.doing import NOT_OF_ACTIVITIES
 from scene4d.searching.language.grammar import Grammar
 from scene4d.searching.language.lexicon import Adjective, Lexicon, base_forms
 from scene4d.searching.language.sentences import (
@@ -29,14 +28,15 @@ from scene4d.searching.language.sentences import (
     Said,
     Sentence,
     Span,
+    options_of,
 )
-from scene4d.searching.language.words import refuse
+from scene4d.searching.language.words import Amount, amount_of, read_clock, read_number, refuse
 from scene4d.searching.predicates.relation import SIDES
 
-T = TypeVar("T")
 _WEIGHED = (Clause, Done, Said, Chain, Joined, Sentence)
 """Of several readings of these the composer takes the one that makes sense."""
 _CLOCKS = ("between_clock", "after_clock", "before_clock", "at_clock")
+_BOUNDS = {"within": "near", "beyond": "far"}
 _TRANSPARENT = (
     "activity",
     "whole",
@@ -51,7 +51,6 @@ _TRANSPARENT = (
     "unit_speed",
 )
 """Rules that are what is in them."""
-NOT_OF_ACTIVITIES = '"not" denies a state, such as "is not near a vehicle", not an activity'
 
 
 @dataclass(frozen=True)
@@ -141,8 +140,8 @@ class _Reader(Transformer):
             if name == "lasts_at_least":
                 return Lasting(seconds, None, _span(meta))
             return Lasting(None, seconds, _span(meta))
-        if name in {"within", "beyond"}:
-            return Bound(_first(children, Amount).value, name == "within", _span(meta))
+        if name in _BOUNDS:
+            return Bound(_first(children, Amount).value, _BOUNDS[name], _span(meta))
         if name in _CLOCKS:
             return self._clock(name, children, _span(meta))
         if name in _TRANSPARENT:
@@ -396,8 +395,3 @@ def _introduced(articles: set[str]) -> str:
 
 def _denied(node: Any) -> Any:
     return replace(node, is_denied=not node.is_denied) if isinstance(node, Said) else node
-
-
-def options_of(node: T | Choice) -> Sequence[Any]:
-    """The readings of a node; itself where it has one."""
-    return node.options if isinstance(node, Choice) else (node,)

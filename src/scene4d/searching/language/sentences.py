@@ -1,20 +1,45 @@
 """What a search says, between its words and its activity."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
+from scene4d.searching.activities.definition import Activity
 from scene4d.searching.language.lexicon import Adjective, StateEntry
-from scene4d.searching.language.phrases import Spoken
 
 Span = tuple[int, int]
 """Characters of the text, from the first up to the second."""
 
 
 @dataclass(frozen=True)
+class Slot:
+    """A place in a phrase where somebody stands: the kind of noun, what adjectives it has, whether
+    it is two of them, and whether it is "people".
+    """
+
+    kind: str
+    adjectives: tuple[str, ...] = ()
+    pair: bool = False
+    is_plural: bool = False
+
+
+@dataclass(frozen=True)
+class Spoken:
+    """An activity as one of its phrases says it: the slots in their order, and the roles that
+    they fill; ``has_subject`` where the first of them stands before the verb.
+    """
+
+    activity: Activity
+    slots: tuple[Slot, ...]
+    roles: tuple[str, ...]
+    has_subject: bool
+
+
+@dataclass(frozen=True)
 class Choice:
     """Several readings of the same words."""
 
-    options: tuple["Node", ...]
+    options: tuple[Any, ...]
 
 
 @dataclass(frozen=True)
@@ -71,6 +96,11 @@ class Said:
     span: Span
     is_denied: bool = False
 
+    @property
+    def is_negated(self) -> bool:
+        """Whether the predicate's opposite is meant."""
+        return self.entry.negated != self.is_denied
+
 
 @dataclass(frozen=True)
 class Done:
@@ -97,10 +127,12 @@ class Lasting:
 
 @dataclass(frozen=True)
 class Bound:
-    """How far apart they are, metres, where it is not said again from whom."""
+    """How far apart they are, metres, where it is not said again from whom; ``predicate`` is "near"
+    or "far".
+    """
 
     metres: float
-    is_within: bool
+    predicate: str
     span: Span
 
 
@@ -155,4 +187,6 @@ class Sentence:
     clocks: tuple[Clock, ...]
 
 
-Node = Noun | Pair | Said | Done | Clause | Joined | Chain | Sentence | Lasting | Bound | Choice
+def options_of(node: Any) -> Sequence[Any]:
+    """The readings of a node; itself where it has one."""
+    return node.options if isinstance(node, Choice) else (node,)

@@ -1,18 +1,22 @@
-"""A search as tokens: words in their base form, numbers, times of day, names, with positions."""
+"""A search as tokens with positions: words in their base form, numbers, times of day, names; and
+what numbers and times of day amount to, exact until they are rounded once.
+"""
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
+from fractions import Fraction
 
 from scene4d.core.errors import InputError
 from scene4d.searching.language.lexicon import Lexicon, base_forms
 
 _MOST_WORDS = 60
 """A longer search is a text; and this bounds the time that a parse may take."""
-
 _MOST_DIGITS = 20
 """A longer number is a mistake."""
+_MOST = 10**9
+"""No distance, duration or speed is larger, in metres and seconds: thirty years, or to the moon."""
 
 _TOKEN = re.compile(
     r"""(?P<quoted>"[^"]*"|“[^”]*”)
@@ -28,6 +32,10 @@ _TOKEN = re.compile(
     re.VERBOSE | re.IGNORECASE,
 )
 _SHORTENED = {"ca": "can", "wo": "will"}
+_CLOCK = re.compile(
+    r"(?P<hour>\d{1,2})(?::(?P<minute>\d{2}))?(?::(?P<second>\d{2}))?\s*(?P<half>[ap])?\.?m?\.?",
+    re.IGNORECASE,
+)
 
 
 @dataclass(frozen=True)
@@ -213,3 +221,55 @@ def _quoted(name: str, text: str, start: int, end: int, vocabulary: Vocabulary) 
     kind = "line" if before == ["line"] else "zone"
     names = vocabulary.lines if kind == "line" else vocabulary.zones
     raise refuse(text, start, _unknown_name(name, kind, names))
+
+
+# Amounts and times of day ------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Amount:
+    """A distance, duration or speed (``kind``) in metres and seconds, and the size of its last
+    unit in these.
+    """
+
+    kind: str
+    value: float
+    unit: Fraction
+
+
+def read_number(word: str, text: str, start: int) -> Fraction:
+    """A number in digits: "3", "3.5", "1,000". Raises :class:`InputError` for other forms."""
+    if "," in word and not re.fullmatch(r"\d{1,3}(,\d{3})+(\.\d+)?", word):
+        raise refuse(text, start, f'"{word}": write decimals with a point')
+    if word.count(".") > 1:
+        raise refuse(text, start, f'"{word}" is no number')
+    return Fraction(word.replace(",", ""))
+
+
+def amount_of(kind: str, parts: Sequence[Fraction], text: str, span: tuple[int, int]) -> Amount:
+    """The sum of numbers times units, which ``parts`` holds in turn. Raises :class:`InputError`
+    where it is nothing, or too much.
+    """
+    total = sum((n * u for n, u in zip(parts[::2], parts[1::2], strict=True)), Fraction(0))
+    said = text[slice(*span)]
+    if total > _MOST:
+        raise refuse(text, span[0], f'"{said}" is too much for a {kind}')
+    if float(total) == 0:
+        raise refuse(text, span[0], f'"{said}": a {kind} must be more than nothing')
+    return Amount(kind, float(total), parts[-1])
+
+
+def read_clock(word: str, text: str, start: int) -> float:
+    """ "14:05", "9 pm" as seconds from midnight. Raises :class:`InputError` for what is no time."""
+    match = _CLOCK.fullmatch(word.strip())
+    if match is None:
+        raise refuse(text, start, f'"{word}" is no time of day')
+    hour = int(match["hour"])
+    minute, second = int(match["minute"] or 0), int(match["second"] or 0)
+    half = (match["half"] or "").lower()
+    ends_day = (hour, minute, second) == (24, 0, 0) and not half
+    if minute > 59 or second > 59 or (not 1 <= hour <= 12 if half else hour > 23 and not ends_day):
+        raise refuse(text, start, f'"{word}" is no time of day')
+    if half:
+        hour = hour % 12 + (12 if half == "p" else 0)
+    return 3600.0 * hour + 60.0 * minute + second
