@@ -89,7 +89,7 @@ def line(setting: Setting, known: Reference, focal: float = 1.0, scale: float = 
 
 
 def refused(setting: Setting, reason: str) -> list[Outcome]:
-    return [Outcome(setting, h, None, reason) for h in HEIGHTS]
+    return [Outcome(setting, h, reason=reason) for h in HEIGHTS]
 
 
 @cache

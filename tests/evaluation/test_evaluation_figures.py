@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import report_scenes
 from scene4d.core.errors import InputError
 from scene4d.evaluation.measures.near import NearPairs
-from scene4d.evaluation.pages.charts import auc_text, near_share, roc_outcomes
+from scene4d.evaluation.pages.charts import auc_text, near_share, roc_curves
 from scene4d.evaluation.pages.headline import headlines
 from scene4d.evaluation.pages.page import FIGURES, draw_evaluation
 from scene4d.evaluation.pages.pictures import both_grids, label_offsets
@@ -48,10 +48,9 @@ def test_figures_are_pictures_and_nothing_is_cut_off(drawn, name):
 def test_figures_without_data_are_left_out(whole):
     nobody = tuple(scenes.refused(scenes.JOINT, "no reason"))
     assert list(draw_evaluation(replace(whole, outcomes=nobody))) == ["points"]
-    joint = [o for o in whole.outcomes if o.setting == scenes.JOINT]
-    blind = tuple(replace(o, near=None) for o in joint)
-    left = draw_evaluation(replace(whole, outcomes=blind, image_bgr=None))
-    assert list(left) == ["ground_joint", "alignment"]
+    joint = tuple(o for o in whole.outcomes if o.setting == scenes.JOINT)
+    left = draw_evaluation(replace(whole, outcomes=joint, image_bgr=None))
+    assert list(left) == ["ground_joint", "alignment", "near", "roc"]
 
 
 def test_a_bare_camera_of_a_user_is_drawn():
@@ -74,11 +73,11 @@ def test_a_picture_of_another_size_is_refused(whole):
 
 def test_headlines_are_the_first_that_count_and_not_the_best(whole):
     paper, joint = headlines(whole)
-    assert (paper.setting, paper.outcome.person_height_m) == (scenes.PAPER, 1.7018)
-    assert (joint.setting, joint.outcome.person_height_m) == (scenes.JOINT, 1.70)
+    assert (paper.setting, paper.person_height_m) == (scenes.PAPER, 1.7018)
+    assert (joint.setting, joint.person_height_m) == (scenes.JOINT, 1.70)
     # The circular line comes first and is exact, so the rule is seen to look past it.
     circular = [o for o in whole.outcomes if o.setting.circular]
-    assert min(o.error.mean_m for o in circular) < 1e-6 < joint.error.mean_m
+    assert min(o.score.error.mean_m for o in circular) < 1e-6 < joint.score.error.mean_m
     better = Setting("better", "joint", "lens")
     more = replace(
         whole, outcomes=(*whole.outcomes, *scenes.line(better, whole.reference, focal=1.01))
@@ -106,7 +105,7 @@ def test_the_lines_to_show_are_marked_before_anything_is_measured():
 
 def test_a_line_that_was_refused_at_the_wanted_height_gives_way(whole):
     gone = [
-        replace(o, error=None, near=None, reason="gone")
+        replace(o, score=None, reason="gone")
         if o.setting == scenes.PAPER and o.person_height_m == 1.7018
         else o
         for o in whole.outcomes
@@ -158,10 +157,10 @@ def test_a_pair_beyond_the_horizon_is_never_near():
 
 def test_the_curves_are_those_of_the_papers_heights(whole):
     for shown in headlines(whole):
-        curves = roc_outcomes(whole, shown)
-        assert [o.person_height_m for o, _ in curves] == [1.5748, 1.7018, 1.8288]
-        for outcome, roc in curves:
-            assert roc.auc == outcome.near.auc
+        curves = roc_curves(whole, shown)
+        assert [height for height, _ in curves] == [1.5748, 1.7018, 1.8288]
+        by_height = {o.person_height_m: o.score.near.auc for o in whole.of(shown.setting)}
+        assert [roc.auc for _, roc in curves] == [by_height[height] for height, _ in curves]
 
 
 def test_an_auc_that_is_not_one_is_not_shown_as_one():

@@ -14,7 +14,7 @@ from scene4d.evaluation.pages.headline import headlines
 from scene4d.evaluation.pages.page import draw_evaluation, render_evaluation
 from scene4d.evaluation.pages.table import Line, table
 from scene4d.evaluation.pages.words import compared, paragraphs, verdict
-from scene4d.evaluation.trials.outcomes import Evaluation
+from scene4d.evaluation.trials.outcomes import Evaluation, Outcome
 
 VOID = {"meta", "img", "br", "hr", "link"}
 
@@ -140,9 +140,9 @@ def test_what_was_told_is_told_apart_from_what_was_found(whole):
 
 def test_the_prediction_stands_beside_the_same_measure_of_the_error(whole):
     shown = headlines(whole)[1]
-    expected = shown.outcome.predicted_m
+    expected = shown.score.predicted_m
     assert expected > 0
-    rms = float(np.sqrt(np.mean(shown.error.distance_m**2)))
+    rms = float(np.sqrt(np.mean(shown.score.error.distance_m**2)))
     assert line(whole, "keypoints <video>").cells[4].text == f"{expected:.2f}\u00a0/\u00a0{rms:.2f}"
 
 
@@ -178,7 +178,7 @@ def test_whoever_loses_is_said_to_lose(paper, joint, words):
     said = compared(first, second)
     assert words in said
     assert "different input" in said
-    gap = abs(first.error.mean_m - second.error.mean_m)
+    gap = abs(first.score.error.mean_m - second.score.error.mean_m)
     assert f"{gap:.2f}\u00a0m" in said
     assert said in Text(rendered(evaluation)).text
 
@@ -197,7 +197,7 @@ def test_a_map_of_the_ground_has_no_camera_to_compare_with():
 
 def test_one_method_alone_is_shown_alone_and_the_page_says_so(whole):
     outcomes = tuple(
-        replace(o, error=None, near=None, reason="too few people") if o.setting.method == "paper"
+        replace(o, score=None, reason="too few people") if o.setting.method == "paper"
         else o
         for o in whole.outcomes
     )  # fmt: skip
@@ -211,7 +211,7 @@ def test_a_bare_camera_of_a_user_gets_a_page():
     known = replace(scenes.park(), n_points=3)
     only = scenes.line(replace(scenes.PAPER, method="given", given=""), known, scale=1.01)[1]
     bare = replace(only.calibration, covariance=None, segments=None, inlier=None)
-    evaluation = Evaluation("custom", known, (replace(only, calibration=bare),))
+    evaluation = Evaluation("custom", known, (Outcome.scored(only.setting, bare, known),))
     text = Text(rendered(evaluation)).text
     assert "with the given camera." in text
     assert "3 places, spread over the ground, were located" in text

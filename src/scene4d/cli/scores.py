@@ -55,8 +55,9 @@ def _row(setting: Setting, outcomes: list[Outcome], heights: list[float]) -> lis
     by_height = {outcome.person_height_m: outcome for outcome in outcomes}
     cells = [_error(by_height.get(height)) for height in heights]
     middle = by_height.get(PERSON_HEIGHT_M, outcomes[0])
-    auc = "" if middle.near is None else _number(middle.near.auc, 4)
-    predicted = _number(middle.predicted_m, 2)
+    score = middle.score
+    auc = "" if score is None else _number(score.near.auc, 4)
+    predicted = "" if score is None else _number(score.predicted_m, 2)
     given = f", given {setting.given}" if setting.given else ""
     return [f"  {setting.method}{given}", *cells, predicted, auc]
 
@@ -68,9 +69,9 @@ def _number(value: float | None, digits: int) -> str:
 def _error(outcome: Outcome | None) -> str:
     if outcome is None:
         return ""
-    if outcome.error is None:
+    if outcome.score is None:
         return "refused"
-    return f"{outcome.error.mean_m:.2f}±{outcome.error.sd_m:.2f}"
+    return f"{outcome.score.error.mean_m:.2f}±{outcome.score.error.sd_m:.2f}"
 
 
 def _published(table: Table, found: Evaluation, heights: list[float]) -> None:
@@ -87,7 +88,7 @@ def _reasons(found: Evaluation) -> list[str]:
     """Every reason for which a line has no result, once."""
     reasons: dict[str, list[str]] = {}
     for outcome in found.outcomes:
-        if outcome.error is None and outcome.reason is not None:
+        if outcome.score is None and outcome.reason is not None:
             name = f"{outcome.setting.footage}, {outcome.setting.method}"
             named = reasons.setdefault(outcome.reason, [])
             if name not in named:

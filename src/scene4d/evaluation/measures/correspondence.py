@@ -9,7 +9,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.geometry import rigid_fit
 
 POINTS = 12
-"""Number of correspondence points (METHOD section 2)."""
+"""Number of correspondence points, chosen by hand: about as many as a figure can show."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,8 @@ from scene4d.evaluation.measures.near import NearPairs
 from scene4d.evaluation.measures.probability import Roc, roc_curve
 from scene4d.evaluation.pages.headline import Headline
 from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation
-from scene4d.evaluation.trials.outcomes import PAPER_HEIGHTS_M, Evaluation, Outcome
-from scene4d.searching.predicates import NEAR_SIGMA_M, NEAR_TAU_M, near_probability
+from scene4d.evaluation.trials.outcomes import PAPER_HEIGHTS_M, Evaluation
+from scene4d.searching.predicates import NEAR_SIGMA_M, near_probability
 
 WIDTH_IN = 5.4
 TEXT, SMALL = 10.5, 9.5
@@ -96,8 +96,7 @@ def near_share(pairs: NearPairs) -> Share:
 
 def draw_near(shown: tuple[Headline, ...]) -> bytes:
     """PNG of P(near) over distance, with what was truly near at each estimated distance."""
-    with_pairs = [(s, s.outcome.near) for s in shown if s.outcome.near is not None]
-    tau = with_pairs[0][1].tau_m if with_pairs else NEAR_TAU_M
+    tau = shown[0].score.near.tau_m
     fig, axes = _one_panel()
     d = np.linspace(0, _REACH_M * tau, 400)
     axes.plot(d, near_probability(d, tau_m=tau), color=style.INK, lw=2.2)
@@ -106,8 +105,8 @@ def draw_near(shown: tuple[Headline, ...]) -> bytes:
         Line2D([], [], color=style.INK, lw=2.2, label=f"P(near), σ = {NEAR_SIGMA_M:g} m"),
         Line2D([], [], color=style.FAINT, lw=1.2, ls=(0, (4, 3)), label="exact distances"),
     ]
-    for s, pairs in with_pairs:
-        found = near_share(pairs)
+    for s in shown:
+        found = near_share(s.score.near)
         mark: dict[str, Any] = {"color": s.colour, "marker": s.marker, "mec": "white", "mew": 0.5}
         axes.plot(found.distance_m, found.share, color=s.colour, lw=1.5, zorder=4)
         turn = _turning(found.share)
@@ -136,15 +135,15 @@ def _turning(share: Float[np.ndarray, "k"]) -> Bool[np.ndarray, "k"]:
     return wide if wide.any() else np.ones(len(share), bool)
 
 
-def roc_outcomes(evaluation: Evaluation, shown: Headline) -> list[tuple[Outcome, Roc]]:
-    """The curves of a headline's line at the heights of the paper, or at all its heights where it
-    has none of those; ranked by distance, as :attr:`.NearPairs.auc`.
+def roc_curves(evaluation: Evaluation, shown: Headline) -> list[tuple[float, Roc]]:
+    """Heights of people and ROC curves of a headline's line: at the paper's heights, or at all its
+    heights where it has none of those; ranked by distance, as :attr:`.NearPairs.auc`.
     """
-    held = [(o, o.near) for o in evaluation.of(shown.setting) if o.near is not None]
-    held = [(o, pairs) for o, pairs in held if pairs.auc is not None]
-    papers = [(o, pairs) for o, pairs in held if o.person_height_m in PAPER_HEIGHTS_M]
-    ordered = sorted(papers or held, key=lambda one: one[0].person_height_m)
-    return [(o, roc_curve(-pairs.estimated_m, pairs.positive)) for o, pairs in ordered]
+    scored = [(o.person_height_m, o.score) for o in evaluation.of(shown.setting)]
+    held = [(h, score.near) for h, score in scored if score and score.near.auc is not None]
+    papers = [(h, pairs) for h, pairs in held if h in PAPER_HEIGHTS_M]
+    ordered = sorted(papers or held, key=lambda one: one[0])
+    return [(h, roc_curve(-pairs.estimated_m, pairs.positive)) for h, pairs in ordered]
 
 
 def auc_text(auc: float) -> str:
@@ -157,10 +156,10 @@ def draw_roc(evaluation: Evaluation, shown: tuple[Headline, ...]) -> bytes:
     fig, axes = _one_panel()
     handles = []
     for s in shown:
-        for k, (outcome, roc) in enumerate(roc_outcomes(evaluation, s)):
+        for k, (height_m, roc) in enumerate(roc_curves(evaluation, s)):
             line: dict[str, Any] = {"color": s.colour, "lw": 1.9, "ls": _DASHES[k % len(_DASHES)]}
             axes.plot(np.maximum(roc.false_rate, _LEAST_FALSE), roc.true_rate, **line)
-            label = f"{s.method}, {height_text(outcome.person_height_m)} m: {auc_text(roc.auc)}"
+            label = f"{s.method}, {height_text(height_m)} m: {auc_text(roc.auc)}"
             handles.append(Line2D([], [], label=label, **line))
     axes.set_xscale("log")
     axes.set_xlim(_LEAST_FALSE, 1)

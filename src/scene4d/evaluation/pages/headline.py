@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.calibration import Calibration
-from scene4d.core.camera import Camera
-from scene4d.evaluation.measures.correspondence import CorrespondenceError
-from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Setting
+from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Score, Setting
 
 _WANTED_M = {"paper": 1.7018}
+"""Height of people that stands for a method; :data:`PERSON_HEIGHT_M` for the others."""
 _NAMES = {
     "paper": "the paper’s method",
     "joint": "the joint method",
@@ -29,13 +28,17 @@ RULE = (
 class Headline:
     """The outcome that stands for a method, with the look that it has in every figure."""
 
-    method: str
-    outcome: Outcome
+    setting: Setting
+    person_height_m: float
     calibration: Calibration
-    camera: Camera
-    error: CorrespondenceError
+    score: Score
     colour: str
     marker: str
+
+    @property
+    def method(self) -> str:
+        """Name of the method, as in the table."""
+        return self.setting.method
 
     @property
     def name(self) -> str:
@@ -47,11 +50,6 @@ class Headline:
         """Name of the figure that shows the method's ground."""
         return f"ground_{self.method}" if self.method in _LOOKS else "ground_other"
 
-    @property
-    def setting(self) -> Setting:
-        """The line of the table."""
-        return self.outcome.setting
-
 
 def headlines(evaluation: Evaluation) -> tuple[Headline, ...]:
     """One outcome per method by :data:`RULE`: the paper's first, then the joint one, then others.
@@ -61,29 +59,23 @@ def headlines(evaluation: Evaluation) -> tuple[Headline, ...]:
     others = [s.method for s in evaluation.settings() if s.method not in _LOOKS]
     found = []
     for method in [*_LOOKS, *others[:1]]:
-        results = _results(evaluation, method)
+        wanted = _WANTED_M.get(method, PERSON_HEIGHT_M)
+        lines = [s for s in evaluation.settings() if s.method == method and not s.circular]
+        at_wanted = [at_height(evaluation.of(setting), wanted) for setting in lines]
+        results = [o for o in at_wanted if o.score is not None]
         if results:
             chosen = next((o for o in results if o.setting.headline), results[0])
-            found.append(_headline(method, chosen, _LOOKS.get(method, _OTHER)))
+            assert chosen.calibration is not None
+            assert chosen.score is not None
+            found.append(
+                Headline(
+                    chosen.setting, chosen.person_height_m, chosen.calibration, chosen.score,
+                    *_LOOKS.get(method, _OTHER),
+                )
+            )  # fmt: skip
     return tuple(found)
 
 
 def at_height(outcomes: list[Outcome], height_m: float) -> Outcome:
     """Of the outcomes of one line the one that assumes the mean height nearest to ``height_m``."""
     return min(outcomes, key=lambda outcome: abs(outcome.person_height_m - height_m))
-
-
-def _results(evaluation: Evaluation, method: str) -> list[Outcome]:
-    """The lines of a method that count, at its height, in the order of the table."""
-    wanted = _WANTED_M.get(method, PERSON_HEIGHT_M)
-    lines = [s for s in evaluation.settings() if s.method == method and not s.circular]
-    outcomes = [at_height(evaluation.of(setting), wanted) for setting in lines]
-    return [outcome for outcome in outcomes if outcome.error is not None]
-
-
-def _headline(method: str, outcome: Outcome, look: tuple[str, str]) -> Headline:
-    found, error = outcome.calibration, outcome.error
-    assert found is not None
-    assert found.camera is not None
-    assert error is not None
-    return Headline(method, outcome, found, found.camera, error, *look)

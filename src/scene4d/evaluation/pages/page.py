@@ -11,7 +11,7 @@ from scene4d.core.staging import ensure_folder, staged
 from scene4d.drawing.page import Shown, data_uri, rendered
 from scene4d.drawing.words import number
 from scene4d.evaluation.pages.activities import render_activities
-from scene4d.evaluation.pages.charts import draw_det, draw_near, draw_roc, roc_outcomes
+from scene4d.evaluation.pages.charts import draw_det, draw_near, draw_roc, roc_curves
 from scene4d.evaluation.pages.headline import RULE, headlines
 from scene4d.evaluation.pages.pictures import (
     draw_alignment,
@@ -78,9 +78,8 @@ def draw_evaluation(evaluation: Evaluation) -> dict[str, bytes]:
         drawn[s.ground_figure] = draw_ground(evaluation, s)
     if shown:
         drawn["alignment"] = draw_alignment(shown)
-    if any(s.outcome.near is not None for s in shown):
         drawn["near"] = draw_near(shown)
-    if any(roc_outcomes(evaluation, s) for s in shown):
+    if any(roc_curves(evaluation, s) for s in shown):
         drawn["roc"] = draw_roc(evaluation, shown)
     return {name: drawn[name] for name in FIGURES if name in drawn}
 

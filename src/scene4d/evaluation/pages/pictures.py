@@ -23,7 +23,7 @@ MAX_PEOPLE = 400
 """People that a picture shows: more hide one another."""
 _TRUE = "#FFC845"
 # Pictures are wider than charts, and shown at the same width.
-_LABEL_PT, _LEGEND_PT = 12.5, 14.0
+_LABEL_PT, _LEGEND_PT = 14.0, 18.0
 
 
 def draw_points(evaluation: Evaluation) -> bytes:
@@ -105,12 +105,12 @@ def both_grids(
 
     The estimated ground is moved onto the true one as for the correspondence error.
     """
-    camera = shown.camera
+    camera = shown.score.camera
     area = walked_area(camera.locate(reference.walked_uv)[0], camera)
     if area is None:
         return [], [], 0.0
     step = grid_step(area)
-    R, t = rigid_fit(camera.locate(reference.points_uv)[0], shown.error.true_xy_m)
+    R, t = rigid_fit(camera.locate(reference.points_uv)[0], shown.score.error.true_xy_m)
     lines = grid_lines(camera, area, step)
     true = []
     for line in lines:
@@ -194,17 +194,17 @@ def _overlaps(
 
 def draw_alignment(shown: tuple[Headline, ...]) -> bytes:
     """PNG: true and estimated points from above, to scale, after the paper's rigid alignment."""
-    true = shown[0].error.true_xy_m
-    axes = _from_above(_area(np.concatenate([true, *(s.error.aligned_xy_m for s in shown)])))
+    true = shown[0].score.error.true_xy_m
+    axes = _from_above(_area(np.concatenate([true, *(s.score.error.aligned_xy_m for s in shown)])))
     handles = [
         Line2D([], [], ls="", marker="o", ms=8, mfc="none", mec=style.INK, mew=1.4, label="truth")
     ]
     for s in shown:
-        pairs = np.stack([s.error.true_xy_m, s.error.aligned_xy_m], axis=1)
+        pairs = np.stack([s.score.error.true_xy_m, s.score.error.aligned_xy_m], axis=1)
         axes.add_collection(LineCollection(list(pairs), colors=s.colour, linewidths=2.2, zorder=3))
         mark: dict[str, Any] = {"marker": s.marker, "lw": 0.5, "ec": "white", "zorder": 5}
-        style.scatter(axes, s.error.aligned_xy_m, s=26, c=s.colour, **mark)
-        label = f"{s.method}: {number(s.error.mean_m, 2)} ± {number(s.error.sd_m, 2)} m"
+        style.scatter(axes, s.score.error.aligned_xy_m, s=26, c=s.colour, **mark)
+        label = f"{s.method}: {number(s.score.error.mean_m, 2)} ± {number(s.score.error.sd_m, 2)} m"
         look: dict[str, Any] = {"marker": s.marker, "color": s.colour, "ms": 7, "mec": "white"}
         handles.append(Line2D([], [], label=label, lw=2.2, **look))
     style.scatter(axes, true, s=70, facecolors="none", edgecolors=style.INK, lw=1.4, zorder=4)

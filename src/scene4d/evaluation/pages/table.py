@@ -13,17 +13,18 @@ from scene4d.evaluation.pages.headline import at_height
 from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Setting
 
 _NONE = "–"
+_CAMERA = ("focal length", "tilt", "height")
 
 
 @dataclass(frozen=True)
 class Cell:
     """One cell. ``label`` names its column where the table is shown as cards, ``note`` is the
-    number of a footnote, and ``told`` says that the value was given, not estimated. ``off`` is
-    its difference to the truth.
+    number of a footnote, ``told`` says that the value was given, not estimated, and ``off`` is its
+    difference from the truth.
     """
 
     label: str
-    text: str
+    text: str = _NONE
     title: str = ""
     note: int | None = None
     told: bool = False
@@ -43,12 +44,27 @@ class Line:
 
 @dataclass
 class Table:
-    """Columns after footage, method and given; ``notes`` are the footnotes, from 1."""
+    """The lines, for these mean heights of people; ``notes`` are the footnotes, from 1."""
 
-    columns: list[str]
+    heights_m: list[float]
     lines: list[Line] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
-    main_height: str = ""
+
+    @property
+    def main_height_m(self) -> float:
+        """The height that the columns on the right are about: the default, or the nearest one."""
+        return min(self.heights_m, key=lambda h: abs(h - PERSON_HEIGHT_M), default=PERSON_HEIGHT_M)
+
+    @property
+    def main_height(self) -> str:
+        """The same as text."""
+        return height_text(self.main_height_m)
+
+    @property
+    def columns(self) -> list[str]:
+        """Headings after footage, method and given."""
+        heights = [f"{height_text(h)} m" for h in self.heights_m]
+        return [*heights, "predicted / found, RMS", "AUC", *_CAMERA]
 
     def note(self, text: str) -> int:
         """Number of the footnote that says this."""
@@ -60,106 +76,97 @@ class Table:
 
 def table(evaluation: Evaluation) -> Table:
     """The lines in the order of the evaluation, then the truth and the published numbers."""
-    every = evaluation.heights_m()
-    main = min(every, key=lambda h: abs(h - PERSON_HEIGHT_M), default=PERSON_HEIGHT_M)
-    columns = [f"{height_text(h)} m" for h in every]
-    columns += ["predicted / found, RMS", "AUC", "focal length", "tilt", "height"]
-    made = Table(columns, main_height=height_text(main))
-    for setting in evaluation.settings():
-        made.lines.append(_line(made, evaluation, setting, every, main))
+    made = Table(evaluation.heights_m())
     truth = evaluation.reference.truth
-    if isinstance(truth, Camera):
-        made.lines.append(_truth(made, evaluation, truth, len(every)))
+    true = truth if isinstance(truth, Camera) else None
+    for setting in evaluation.settings():
+        made.lines.append(_line(made, setting, evaluation.of(setting), true))
+    if true is not None:
+        made.lines.append(_truth(made, f"the true camera of {evaluation.reference.name}", true))
     if evaluation.published is not None:
-        made.lines.append(_published(made, evaluation.published, every))
+        made.lines.append(_published(made, evaluation.published))
     return made
 
 
-def _line(
-    made: Table, evaluation: Evaluation, setting: Setting, every: list[float], main: float
-) -> Line:
-    outcomes = evaluation.of(setting)
+def _line(made: Table, setting: Setting, outcomes: list[Outcome], true: Camera | None) -> Line:
     by_height = {outcome.person_height_m: outcome for outcome in outcomes}
-    cells = []
-    for label, height in zip(made.columns, every, strict=False):
-        cells.append(_error(made, f"error (m), people {label}", by_height.get(height)))
-    chosen = at_height(outcomes, main)
-    if chosen.person_height_m != main or chosen.error is None:
-        cells += [Cell(label, _NONE) for label in made.columns[len(every) :]]
-    else:
-        cells += _at_main_height(evaluation, chosen, made.columns[len(every) :])
+    cells = [_error(made, height, by_height.get(height)) for height in made.heights_m]
+    cells += _at_main_height(made, at_height(outcomes, made.main_height_m), true)
     kind = "circular" if setting.circular else ""
     return Line(setting.footage, setting.method, setting.given, cells, kind)
 
 
-def _error(made: Table, label: str, outcome: Outcome | None) -> Cell:
+def _error_label(height_m: float) -> str:
+    return f"error (m), people {height_text(height_m)} m"
+
+
+def _error(made: Table, height_m: float, outcome: Outcome | None) -> Cell:
+    label = _error_label(height_m)
     if outcome is None:
-        return Cell(label, _NONE)
-    if outcome.error is None:
+        return Cell(label)
+    if outcome.score is None:
         reason = outcome.reason or "no reason was recorded"
         return Cell(label, "refused", reason, made.note(reason))
-    return Cell(label, f"{number(outcome.error.mean_m, 2)} ± {number(outcome.error.sd_m, 2)}")
+    error = outcome.score.error
+    return Cell(label, f"{number(error.mean_m, 2)} ± {number(error.sd_m, 2)}")
 
 
-def _at_main_height(evaluation: Evaluation, outcome: Outcome, columns: list[str]) -> list[Cell]:
-    found, error = outcome.calibration, outcome.error
-    assert found is not None
-    assert found.camera is not None
-    assert error is not None
+def _at_main_height(made: Table, outcome: Outcome, true: Camera | None) -> list[Cell]:
+    rms, auc, *of_camera = made.columns[len(made.heights_m) :]
+    score, found = outcome.score, outcome.calibration
+    if outcome.person_height_m != made.main_height_m or score is None or found is None:
+        return [Cell(label) for label in (rms, auc, *of_camera)]
     predicted = _NONE
-    expected = outcome.predicted_m
-    if found.covariance is not None and expected is not None and np.isfinite(expected):
-        predicted = number(expected, 2)
-    auc = None if outcome.near is None else outcome.near.auc
-    cells = [
-        Cell(columns[0], f"{predicted}\u00a0/\u00a0{number(error.rms_m, 2)}"),
-        Cell(columns[1], _NONE if auc is None else auc_text(auc)),
+    if score.predicted_m is not None and np.isfinite(score.predicted_m):
+        predicted = number(score.predicted_m, 2)
+    told = [found.sigma.get(name) == 0.0 for name in ("focal_px", "tilt_deg", "height_m")]
+    values = zip(of_camera, _parameters(score.camera, true), told, strict=True)
+    return [
+        Cell(rms, f"{predicted}\u00a0/\u00a0{number(score.error.rms_m, 2)}"),
+        Cell(auc, _NONE if score.near.auc is None else auc_text(score.near.auc)),
+        *(Cell(label, text, told=given, off=off) for label, (text, off), given in values),
     ]
-    truth = evaluation.reference.truth
-    true = truth if isinstance(truth, Camera) else None
-    sigma = found.sigma
-    for label, name in zip(columns[2:], ("focal_px", "tilt_deg", "height_m"), strict=True):
-        text, off = _parameter(name, found.camera, true)
-        cells.append(Cell(label, text, told=sigma.get(name) == 0.0, off=off))
-    return cells
 
 
-def _parameter(name: str, camera: Camera, true: Camera | None) -> tuple[str, str]:
-    """``("1230 px", "+3.8 %")``: a parameter, and its difference to the truth if there is one."""
-    if name == "focal_px":
-        off = None if true is None else 100 * (camera.focal_px / true.focal_px - 1)
-        return f"{number(camera.focal_px, 0)}\u00a0px", _off(off, 1, "\u00a0%")
-    if name == "tilt_deg":
-        off = None if true is None else float(np.degrees(camera.tilt_rad - true.tilt_rad))
-        return f"{number(float(np.degrees(camera.tilt_rad)), 1)}°", _off(off, 1, "°")
-    off = None if true is None else camera.height_m - true.height_m
-    return f"{number(camera.height_m, 2)}\u00a0m", _off(off, 2, "\u00a0m")
+def _parameters(camera: Camera, true: Camera | None) -> list[tuple[str, str]]:
+    """``("1230 px", "+3.8 %")``: focal length, tilt and height, and their differences from the
+    truth if there is one.
+    """
+    tilt_deg = float(np.degrees(camera.tilt_rad))
+    texts = (
+        f"{number(camera.focal_px, 0)}\u00a0px",
+        f"{number(tilt_deg, 1)}°",
+        f"{number(camera.height_m, 2)}\u00a0m",
+    )
+    if true is None:
+        return [(text, "") for text in texts]
+    differences = (
+        _signed(100 * (camera.focal_px / true.focal_px - 1), 1, "\u00a0%"),
+        _signed(tilt_deg - float(np.degrees(true.tilt_rad)), 1, "°"),
+        _signed(camera.height_m - true.height_m, 2, "\u00a0m"),
+    )
+    return list(zip(texts, differences, strict=True))
 
 
-def _off(value: float | None, places: int, unit: str) -> str:
-    if value is None:
-        return ""
+def _signed(value: float, places: int, unit: str) -> str:
     text = number(value, places)
     return f"{'+' if value > 0 and float(text) != 0 else ''}{text}{unit}"
 
 
-def _truth(made: Table, evaluation: Evaluation, truth: Camera, blank: int) -> Line:
-    labels = made.columns
-    cells = [Cell(label, _NONE) for label in labels[: blank + 2]]
-    for label, name in zip(labels[-3:], ("focal_px", "tilt_deg", "height_m"), strict=True):
-        cells.append(Cell(label, _parameter(name, truth, None)[0]))
-    return Line(f"the true camera of {evaluation.reference.name}", _NONE, _NONE, cells, "truth")
+def _truth(made: Table, name: str, true: Camera) -> Line:
+    blank = [Cell(label) for label in made.columns[: -len(_CAMERA)]]
+    texts = zip(_CAMERA, _parameters(true, None), strict=True)
+    return Line(name, _NONE, _NONE, [*blank, *(Cell(n, t) for n, (t, _) in texts)], "truth")
 
 
-def _published(made: Table, published: Published, every: list[float]) -> Line:
-    cells = []
-    for label, height in zip(made.columns, every, strict=False):
-        here = abs(height - published.person_height_m) < 1e-9
-        text = f"{number(published.mean_m, 2)} ± {number(published.sd_m, 2)}" if here else _NONE
-        cells.append(Cell(f"error (m), people {label}", text))
+def _published(made: Table, published: Published) -> Line:
+    cells = [Cell(_error_label(height)) for height in made.heights_m]
+    if published.person_height_m in made.heights_m:
+        text = f"{number(published.mean_m, 2)} ± {number(published.sd_m, 2)}"
+        at = made.heights_m.index(published.person_height_m)
+        cells[at] = Cell(_error_label(published.person_height_m), text)
     note = made.note(f"Published for a mean height of {height_text(published.auc_height_m)} m.")
-    rest = made.columns[len(every) :]
-    cells += [Cell(rest[0], _NONE), Cell(rest[1], f"{published.auc:g}", note=note)]
-    cells += [Cell(label, _NONE) for label in rest[2:]]
+    rms, auc, *rest = made.columns[len(made.heights_m) :]
+    cells += [Cell(rms), Cell(auc, f"{published.auc:g}", note=note), *map(Cell, rest)]
     footage = f"Wagner et al. (2019), {published.frames} frames"
     return Line(footage, "paper", "network", cells, "published")

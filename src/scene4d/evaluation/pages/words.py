@@ -4,10 +4,10 @@ import numpy as np
 
 from scene4d.core.ground_map import GroundMap
 from scene4d.drawing.words import number
-from scene4d.evaluation.pages.charts import auc_text, height_text, near_share, roc_outcomes
+from scene4d.evaluation.pages.charts import auc_text, height_text, near_share
 from scene4d.evaluation.pages.headline import Headline, headlines
 from scene4d.evaluation.pages.pictures import MAX_PEOPLE
-from scene4d.evaluation.trials.outcomes import Evaluation, Setting
+from scene4d.evaluation.trials.outcomes import Evaluation
 
 HEADINGS = {
     "points": "Where it was measured",
@@ -27,6 +27,17 @@ _ALT = {
     "near": "Curve of P(near) over distance beside the share of pairs that is truly near.",
     "roc": "ROC curves for several assumed heights of people.",
 }
+_CAPTIONS = {
+    "points": "The correspondence points, numbered as in all figures: picked from where people "
+    "walked (or from the points given), each as far as possible on the ground from those before "
+    "it.",
+    "alignment": "Rings are the true places; the lines to the estimated ones are drawn to scale, "
+    "after the best shift and turn, without scaling.",
+    "roc": "A pair is positive where it is truly near; its score is P(near) of the estimated "
+    "distance; the number is the AUC. Only the order of the distances counts, and a wrong height "
+    "of the people scales all distances alike: so the curves of a method hardly differ, and an "
+    "AUC near 1 does not say that distances are right.",
+}
 _GROUND_ALT = "The scene with the estimated grid on the ground beside the true one."
 
 
@@ -36,7 +47,7 @@ def verdict(evaluation: Evaluation) -> str:
     if not shown:
         return f"Nothing can be said about {evaluation.reference.name}: no line gave a result."
     parts = [
-        f"{number(s.error.mean_m, 2)} ± {_metres(s.error.sd_m)} with {s.name}"
+        f"{number(s.score.error.mean_m, 2)} ± {_metres(s.score.error.sd_m)} with {s.name}"
         + (f" (given {s.setting.given})" if s.setting.given else "")
         for s in shown
     ]
@@ -75,18 +86,17 @@ def _compared(evaluation: Evaluation, shown: tuple[Headline, ...]) -> str:
     if not shown:
         return ""
     names = " and ".join(f"{s.name} ({_basis(s)})" for s in shown)
-    parts = [f"The numbers above are those of {names}."]
-    by_method = {s.method: s for s in shown}
-    if {"paper", "joint"} <= set(by_method):
-        parts.append(compared(by_method["paper"], by_method["joint"]))
-    return " ".join(parts)
+    text = f"The numbers above are those of {names}."
+    if [s.method for s in shown[:2]] == ["paper", "joint"]:
+        text += f" {compared(*shown[:2])}"
+    return text
 
 
 def compared(paper: Headline, joint: Headline) -> str:
     """Which of the two is closer, or that the points cannot tell: twice the standard error of
     their mean difference, point by point.
     """
-    apart = joint.error.distance_m - paper.error.distance_m
+    apart = joint.score.error.distance_m - paper.score.error.distance_m
     mean = float(apart.mean())
     doubt = 2 * float(apart.std(ddof=1)) / np.sqrt(len(apart)) if len(apart) > 1 else np.inf
     if abs(mean) <= doubt:
@@ -100,18 +110,17 @@ def compared(paper: Headline, joint: Headline) -> str:
 
 
 def _near_figures(shown: tuple[Headline, ...]) -> str:
-    with_pairs = [(s, s.outcome.near) for s in shown if s.outcome.near is not None]
-    if not with_pairs:
+    if not shown:
         return ""
-    pairs = with_pairs[0][1]
+    pairs = shown[0].score.near
     total, near = len(pairs.true_m), int(pairs.positive.sum())
     text = (
         f"Of {number(float(total), 0)} pairs of places {number(float(near), 0)} are truly within "
         f"{pairs.tau_m:g} m."
     )
-    for s, found in with_pairs:
-        brier = found.brier()
-        rank = "" if found.auc is None else f"an AUC of {auc_text(found.auc)} and "
+    for s in shown:
+        brier, auc = s.score.near.brier(), s.score.near.auc
+        rank = "" if auc is None else f"an AUC of {auc_text(auc)} and "
         text += (
             f" {_upper(s.name)} has {rank}Brier scores of {brier['paper']:.4f} as in the paper, "
             f"{brier['expected']:.4f} with the covariance, and {brier['below_tau']:.4f} for the "
@@ -138,7 +147,7 @@ def _published(evaluation: Evaluation) -> str:
 def _left_out(evaluation: Evaluation) -> str:
     settings = evaluation.settings()
     circular = sum(setting.circular for setting in settings)
-    refused = sum(all(o.error is None for o in evaluation.of(s)) for s in settings)
+    refused = sum(all(o.score is None for o in evaluation.of(s)) for s in settings)
     parts = []
     if circular:
         parts.append(
@@ -161,21 +170,11 @@ def caption(name: str, evaluation: Evaluation) -> str:
     shown = headlines(evaluation)
     if name.startswith("ground_"):
         return _ground(next(s for s in shown if s.ground_figure == name))
-    if name == "points":
-        return _points(evaluation)
     if name == "consensus":
         return _consensus(next(s for s in shown if s.method == "paper"))
-    if name == "alignment":
-        return _alignment(shown)
-    return _near(shown) if name == "near" else _roc(evaluation, shown)
-
-
-def _points(evaluation: Evaluation) -> str:
-    among = "places where people walked" if _walked(evaluation) else "all points given"
-    return (
-        f"The {len(evaluation.reference.points_uv)} correspondence points, numbered as in all "
-        f"figures: picked from {among}, each as far as possible on the ground from those before it."
-    )
+    if name == "near":
+        return _near(shown)
+    return _CAPTIONS[name]
 
 
 def _consensus(shown: Headline) -> str:
@@ -195,7 +194,7 @@ def _consensus(shown: Headline) -> str:
 
 
 def _ground(shown: Headline) -> str:
-    error = shown.error.distance_m
+    error = shown.score.error.distance_m
     worst = int(np.argmax(error))
     return (
         f"{_upper(_basis(shown))}. White: the grid of the estimated camera on the ground. Dashed: "
@@ -205,62 +204,23 @@ def _ground(shown: Headline) -> str:
     )
 
 
-def _alignment(shown: tuple[Headline, ...]) -> str:
-    parts = []
-    for s in shown:
-        worst = int(np.argmax(s.error.distance_m))
-        parts.append(
-            f"{s.name} is off by {number(s.error.mean_m, 2)} ± {_metres(s.error.sd_m)}, most at "
-            f"point {worst + 1} ({_metres(float(s.error.distance_m[worst]))})"
-        )
-    return (
-        "Rings are the true places; the lines to the estimated ones are drawn to scale, after the "
-        f"best shift and turn, without scaling. {_upper('; '.join(parts))}."
-    )
-
-
 def _near(shown: tuple[Headline, ...]) -> str:
-    parts = [
+    text = (
         "The curve is the paper’s P(near). With exact distances it would be a step. The marks are "
         "what it should have been: the share of pairs at each estimated distance that are truly "
         "near."
-    ]
-    for s in shown:
-        if s.outcome.near is None:
-            continue
-        half = near_share(s.outcome.near).falls_below(0.5)
-        if half is None:
-            continue
-        bias = half / s.outcome.near.tau_m - 1
-        text = f"With {s.name} the share falls through one half at {_metres(half)}"
-        if abs(bias) >= 0.01:
-            kind = "short" if bias < 0 else "long"
-            text += f": its distances come out {100 * abs(bias):.0f} % too {kind}"
-        parts.append(text + ".")
-    return " ".join(parts)
-
-
-def _roc(evaluation: Evaluation, shown: tuple[Headline, ...]) -> str:
-    parts = []
-    for s in shown:
-        curves = roc_outcomes(evaluation, s)
-        if not curves:
-            continue
-        low, high = (auc_text(f(roc.auc for _, roc in curves)) for f in (min, max))
-        parts.append(f"{s.name} {low}" + ("" if low == high else f" to {high}"))
-    return (
-        "A pair is positive where it is truly near; its score is P(near) of the estimated "
-        f"distance. AUC: {'; '.join(parts)}. Only the order of the distances counts, and a wrong "
-        "height of the people scales all distances alike: so the curves of a method hardly differ, "
-        "and an AUC near 1 does not say that distances are right."
     )
+    for s in shown:
+        half = near_share(s.score.near).falls_below(0.5)
+        if half is not None:
+            text += f" With {s.name} the share falls through one half at {_metres(half)}."
+    return text
 
 
 def _basis(shown: Headline) -> str:
     """Footage, what was given, and the assumed height of people."""
-    s: Setting = shown.setting
-    given = f"; given: {s.given}" if s.given else ""
-    return f"{s.footage}{given}; people {height_text(shown.outcome.person_height_m)}\u00a0m"
+    given = f"; given: {shown.setting.given}" if shown.setting.given else ""
+    return f"{shown.setting.footage}{given}; people {height_text(shown.person_height_m)}\u00a0m"
 
 
 def _walked(evaluation: Evaluation) -> bool:

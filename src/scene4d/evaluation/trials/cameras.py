@@ -15,6 +15,7 @@ from scene4d.core.orientation import Orientation
 from scene4d.core.progress import Progress
 from scene4d.evaluation.datasets.reference import PUBLISHED, Reference, pets, towncentre
 from scene4d.evaluation.datasets.virat import spread_frames, virat
+from scene4d.evaluation.measures.correspondence import POINTS
 from scene4d.evaluation.options import EvaluateOptions
 from scene4d.evaluation.trials.methods import HEIGHTS_M, Input, trials
 from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Setting
@@ -40,8 +41,6 @@ _COARSEST_M = 0.25
 hand, half a person's width."""
 _FEWEST = 3
 """Points that a rigid alignment of two maps needs before distances mean anything."""
-_MOST = 12
-"""Points that are taken of those given (METHOD section 2)."""
 
 
 def evaluate_pets(data: str | Path, options: EvaluateOptions, progress: Progress) -> Evaluation:
@@ -129,7 +128,7 @@ def evaluate_custom(
             f"{reference}: only {count} of {len(uv)} points lie on its ground and in the picture, "
             f"and {_FEWEST} are needed: give points, a file of pixels on the ground"
         )
-    known = replace(known, n_points=min(_MOST, count))
+    known = replace(known, n_points=min(POINTS, count))
     outcome = Outcome.scored(Setting(Path(camera).name, found.method, given=""), found, known)
     image = calibrated_view(Path(camera).with_name(BACKGROUND), found.image_size)
     note = f"The points are {known.n_points} spread over {of}."

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.evaluation.datasets.reference import PUBLISHED, Published, Reference
 from scene4d.evaluation.measures.correspondence import CorrespondenceError
@@ -32,38 +33,45 @@ class Setting:
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
-    """A setting at one mean height of people. ``reason`` says why there is no result.
+class Score:
+    """A camera against the truth.
 
     ``predicted_m`` is the root-mean-square error that the calibration predicts for itself at the
-    correspondence points (:meth:`.Reference.predicted_m`); it is conditional on what was given.
+    correspondence points (:meth:`.Reference.predicted_m`), conditional on what was given; None for
+    a camera without a covariance.
     """
+
+    camera: Camera
+    error: CorrespondenceError
+    near: NearPairs
+    predicted_m: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A setting at one mean height of people; without a ``score`` there is a ``reason``."""
 
     setting: Setting
     person_height_m: float
     calibration: Calibration | None = None
+    score: Score | None = None
     reason: str | None = None
-    error: CorrespondenceError | None = None
-    predicted_m: float | None = None
-    near: NearPairs | None = None
 
     @classmethod
     def scored(cls, setting: Setting, found: Calibration, reference: Reference) -> "Outcome":
         """The calibration against the reference; a refusal, or a camera that has a correspondence
         point above its horizon, is an outcome with its reason.
         """
-        height = found.person_height_m
-        if not found or found.camera is None:
-            return cls(setting, height, found, found.reason)
+        height, camera = found.person_height_m, found.camera
+        if not found or camera is None:
+            return cls(setting, height, found, reason=found.reason)
         try:
-            error = reference.score(found.camera)
+            error = reference.score(camera)
         except InputError as failure:
-            return cls(setting, height, found, str(failure))
-        # A camera that was given has no covariance, and predicts nothing.
+            return cls(setting, height, found, reason=str(failure))
         known = bool(found.parameter_covariance.any())
         predicted = reference.predicted_m(found) if known else None
-        near = reference.near(found)
-        return cls(setting, height, found, None, error, predicted, near)
+        return cls(setting, height, found, Score(camera, error, reference.near(found), predicted))
 
     def to_dict(self) -> dict[str, Any]:
         """One row of ``evaluation.json``; angles in degrees, as in ``camera.json``."""
@@ -74,7 +82,7 @@ class Outcome:
             "given": setting.given,
             "circular": setting.circular,
             "person_height_m": self.person_height_m,
-            "status": "ok" if self.error is not None else "refused",
+            "status": "ok" if self.score is not None else "refused",
         }
         if self.reason is not None:
             row["reason"] = self.reason
@@ -89,15 +97,14 @@ class Outcome:
                 "people": found.people,
                 "inliers": found.inliers,
             }
-        if self.error is not None:
+        if self.score is not None:
             row["correspondence_error_m"] = {
-                "mean": self.error.mean_m,
-                "sd": self.error.sd_m,
-                "rms": self.error.rms_m,
-                "predicted_rms": self.predicted_m,
+                "mean": self.score.error.mean_m,
+                "sd": self.score.error.sd_m,
+                "rms": self.score.error.rms_m,
+                "predicted_rms": self.score.predicted_m,
             }
-        if self.near is not None:
-            row["near"] = self.near.to_dict()
+            row["near"] = self.score.near.to_dict()
         return row
 
 
