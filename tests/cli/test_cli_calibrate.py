@@ -189,3 +189,15 @@ def test_the_program_runs_without_a_home(spawn, known, tmp_path):
     done = spawn([*known, "--out", tmp_path / "out"], env=lonely)
     assert done.returncode == 0, done.stderr
     assert "Height" in done.stdout and done.stdout.isascii()
+
+
+def test_the_format_of_annotations_can_be_named(run, known, scene, tmp_path):
+    right = run(*known, "--out", tmp_path / "a", "--format", "mot", "--json")
+    assert json.loads(right.stdout)["status"] == "ok", right.stderr
+    wrong = run(*known, "--out", tmp_path / "b", "--format", "kpf")
+    assert wrong.exit_code == 1 and str(scene["boxes"]) in wrong.stderr
+    unknown = run(*known, "--out", tmp_path / "b", "--format", "nope")
+    assert unknown.exit_code == 1 and "mot" in unknown.stderr and "kpf" in unknown.stderr
+    scene["boxes"].write_text("hello\n")
+    unclear = run(*known, "--out", tmp_path / "b")
+    assert unclear.exit_code == 1 and "name the format" in unclear.stderr

@@ -20,12 +20,12 @@ HEAVY = ("numpy", "cv2", "av", "onnxruntime", "matplotlib", "scipy", "supervisio
 PROMISED = {
     "calibrate": (
         "--out --lens --annotations --image-size --person-height --method --orientation "
-        "--estimate-focal --frames --seed --drop-invalid --json"
+        "--estimate-focal --frames --seed --format --drop-invalid --json"
     ),
     "orientation": "--lens --frames --out --json",
     "track": (
-        "--camera --out --annotations --detector --rate --fps --drop-invalid --name --start "
-        "--person-height --json"
+        "--camera --out --annotations --format --detector --rate --fps --drop-invalid --name "
+        "--start --person-height --json"
     ),
     "search": ("--top --min-score --catalogue --zones --footage --out --actev --json"),
     "evaluate pets": "--data --out --json",

@@ -21,8 +21,9 @@ class CalibrateOptions:
     """How to calibrate, and what is known beforehand.
 
     Footage: ``frames`` to look at (default: one a second, 100 to 200), ``annotations`` (a file of
-    boxes or keypoints) instead of the detector, with ``drop_invalid`` instead of refusing a file
-    with impossible boxes, and ``image_size`` where there is no footage.
+    boxes or keypoints, of the ``format`` named or the one it looks like) instead of the detector,
+    with ``drop_invalid`` instead of refusing a file with impossible boxes, and ``image_size``
+    where there is no footage.
 
     Known beforehand: ``person_height_m`` is the mean height of the people, shoes included, and
     ``population_sigma_m`` how well it is known. ``lens`` (a camera file, or a :class:`Lens`) fixes
@@ -52,6 +53,7 @@ class CalibrateOptions:
     frames: int | None = None
     seed: int = 0
     drop_invalid: bool = False
+    format: str | None = None
     lines: bool = True
     consensus: str = "exact"
     foot_height_m: float = FOOT_HEIGHT_M

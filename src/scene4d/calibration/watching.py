@@ -3,7 +3,7 @@
 import warnings
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -89,20 +89,27 @@ def annotated(options: CalibrateOptions, image_size: tuple[int, int], fps: float
     """What an annotation file says was seen, instead of a detector."""
     assert options.annotations is not None
     detections, notes = noted_annotations(
-        options.annotations, image_size, fps, drop_invalid=options.drop_invalid
+        options.annotations,
+        image_size,
+        fps,
+        format=options.format,
+        drop_invalid=options.drop_invalid,
     )
     return Seen(detections, len(np.unique(detections.frame)), notes=notes)
 
 
 def noted_annotations(
-    path: str | Path, image_size: tuple[int, int], fps: float | None, *, drop_invalid: bool
+    path: str | Path, image_size: tuple[int, int], fps: float | None, **reading: Any
 ) -> tuple[Detections, list[str]]:
-    """The boxes of a file, and what its reader warns of, as sentences."""
+    """The boxes of a file, and what its reader warns of, as sentences.
+
+    ``reading`` are further parameters of :func:`.read_annotations`.
+    """
     from scene4d.formats.annotations import read_annotations
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        found = read_annotations(path, image_size=image_size, fps=fps, drop_invalid=drop_invalid)
+        found = read_annotations(path, image_size=image_size, fps=fps, **reading)
     return found, [f"{str(w.message).rstrip('.?')}." for w in caught]
 
 

@@ -78,6 +78,17 @@ def calibrate(
             show_default=False,
         ),
     ] = None,
+    format_: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            metavar="NAME",
+            help="Format of --annotations, where it is not clear from the file: mot, coco, kpf, "
+            "pets, towncentre-csv, towncentre-top, virat.",
+            rich_help_panel=_FOOTAGE,
+            show_default=False,
+        ),
+    ] = None,
     drop_invalid: Annotated[
         bool,
         typer.Option(
@@ -188,6 +199,7 @@ def calibrate(
         frames=frames,
         seed=seed,
         drop_invalid=drop_invalid,
+        format=format_,
     )
     with output_folder(out), job.progress() as progress:
         result = run(source, options, progress)

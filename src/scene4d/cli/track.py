@@ -86,6 +86,17 @@ def track(
             show_default=False,
         ),
     ] = None,
+    format_: Annotated[
+        str | None,
+        typer.Option(
+            "--format",
+            metavar="NAME",
+            help="Format of --annotations, where it is not clear from the file: mot, coco, kpf, "
+            "pets, towncentre-csv, towncentre-top, virat.",
+            rich_help_panel=_WATCHING,
+            show_default=False,
+        ),
+    ] = None,
     drop_invalid: Annotated[
         bool,
         typer.Option(
@@ -156,6 +167,7 @@ def track(
         fps=fps,
         person_height_m=height_m,
         drop_invalid=drop_invalid,
+        format=format_,
         detector=detector,
     )
     with output_folder(out), job.progress() as progress:

@@ -45,7 +45,9 @@ def looks_of_annotations(
     """
     if fps is None:
         raise InputError(f"{path}: frames need times: give the footage, or --fps")
-    found, notes = noted_annotations(path, image_size, fps, drop_invalid=options.drop_invalid)
+    found, notes = noted_annotations(
+        path, image_size, fps, format=options.format, drop_invalid=options.drop_invalid
+    )
     run.warnings.extend(notes)
     found, others = known_classes(found)
     if others:

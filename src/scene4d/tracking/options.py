@@ -17,9 +17,10 @@ class TrackOptions:
     """What a user may say about a scene; the names are those of the command line.
 
     ``detector`` is the name of a registered detector, or an ONNX file of the YOLOX layout, for
-    people and vehicles both; by default there is one for each. ``name`` is what the camera is
-    called in the scene (by default the name of the footage), ``start`` when the footage began
-    (UTC), ``rate_hz`` how many pictures per second are looked at.
+    people and vehicles both; ``format`` names that of ``annotations`` where it is not clear; by
+    default there is one for each. ``name`` is what the camera is called in the scene (by default
+    the name of the footage), ``start`` when the footage began (UTC), ``rate_hz`` how many pictures
+    per second are looked at.
     """
 
     camera: str | Path
@@ -30,6 +31,7 @@ class TrackOptions:
     fps: float | None = None
     person_height_m: float | None = None
     drop_invalid: bool = False
+    format: str | None = None
     detector: str | Path | None = None
 
     def __post_init__(self) -> None:
