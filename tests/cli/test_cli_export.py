@@ -1,10 +1,12 @@
 """``scene4d export``, for every format that is written."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.formats.cameras import camera_formats, read_camera
 
@@ -34,6 +36,16 @@ def test_a_camera_of_another_program_is_converted(run, scene, camera, tmp_path):
     run("export", scene["lens"], "--to", "krtd", "--out", krtd)
     assert run("export", krtd, "--to", "json", "--out", back).exit_code == 0
     np.testing.assert_allclose(Camera.load(back).P, camera.P, atol=1e-6)
+
+
+def test_a_calibration_keeps_its_covariance(run, scene, tmp_path):
+    """W6."""
+    out, covariance = tmp_path / "again.json", 1e-4 * np.eye(5)
+    made = Calibration.of_camera(Camera.load(scene["lens"]))
+    replace(made, method="joint", covariance=covariance).save(scene["lens"])
+    assert run("export", scene["lens"], "--to", "json", "--out", out).exit_code == 0
+    assert out.read_text() == scene["lens"].read_text()
+    np.testing.assert_array_equal(Calibration.load(out).covariance, covariance)
 
 
 @pytest.mark.parametrize("name", ["nope", "tsai", ""])

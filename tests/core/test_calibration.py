@@ -1,20 +1,23 @@
 """Calibrations: truth value, units of the uncertainty, and the fields of camera.json."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from scene4d.core.calibration import PARAMETERS, Calibration
 from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
 from scene4d.core.files import write_json
 from scene4d.core.people import Segments
-from strategies import build_camera, build_lens
+from strategies import build_camera, build_lens, people_scene
 
 SIGMA = np.array([0.02, 0.01, 0.005, 0.03, 0.1])
 DESIGN = {
     "schema", "image_size", "K", "distortion", "R", "t", "P",
     "focal_px", "tilt_deg", "roll_deg", "height_m", "sigma", "ground_error_m",
+    "ground_error_from_camera_m",
     "method", "person_height_m", "people", "inliers", "frames", "status", "warnings",
 }  # fmt: skip
 """The fields of camera.json as DESIGN.md fixes them."""
@@ -31,6 +34,7 @@ def calibration(**changes) -> Calibration:
         "segments": Segments.from_points(np.ones((7, 2)), np.zeros((7, 2))),
         "inlier": np.array([True, False, True, True, True, False, True]),
         "ground_error_m": {"median": 0.2, "p90": 0.5},
+        "ground_error_from_camera_m": {"median": 1.2, "p90": 2.5},
         "warnings": ("the light is poor",),
         "frames": 40,
     }
@@ -43,6 +47,7 @@ UNDETERMINED = {
     "camera": None,
     "covariance": None,
     "ground_error_m": None,
+    "ground_error_from_camera_m": None,
 }
 
 
@@ -53,7 +58,8 @@ def test_a_calibration_is_true_only_where_it_holds_a_camera():
 
 def test_fields_are_those_of_the_design():
     assert set(calibration(covariance=None).to_dict()) == DESIGN
-    assert set(calibration().to_dict()) == DESIGN | {"covariance"}
+    made = {"source": "yard.mp4", "version": "1.0"}
+    assert set(calibration(made=made).to_dict()) == DESIGN | {"covariance", "made"}
 
 
 def test_counts_and_facts():
@@ -66,6 +72,7 @@ def test_counts_and_facts():
     assert values["status"] == "ok"
     assert values["warnings"] == ["the light is poor"]
     assert values["ground_error_m"] == {"median": 0.2, "p90": 0.5}
+    assert values["ground_error_from_camera_m"] == {"median": 1.2, "p90": 2.5}
     assert values["image_size"] == [1280, 720]
 
 
@@ -102,7 +109,7 @@ def test_what_is_undetermined_has_a_reason_and_no_camera():
     values = calibration(**UNDETERMINED).to_dict()
     assert values["status"] == "undetermined"
     assert values["reason"] == "all people stand at one distance"
-    assert values["schema"] == "scene4d/camera/1"
+    assert values["schema"] == "scene4d/camera/2"
     assert values["image_size"] == [1280, 720]
     assert not {"K", "R", "t", "P", "focal_px", "sigma", "covariance"} & set(values)
 
@@ -140,5 +147,143 @@ def test_a_calibration_prints_in_one_line():
     known = {"method": "joint", "image_size": (640, 480), "person_height_m": 1.7}
     good = Calibration(status="ok", camera=camera, covariance=np.diag([1e-4] * 5), **known)
     assert "focal 500 ± 5 px" in repr(good) and "\n" not in repr(good)
+    unknown = Calibration(status="ok", camera=camera, **known)
+    assert "focal 500 px" in repr(unknown) and "±" not in repr(unknown)
     bad = Calibration(status="undetermined", reason="nobody was seen", **known)
     assert repr(bad) == "<Calibration undetermined: nobody was seen>"
+
+
+# The file: what is saved is loaded.
+
+SCENE = people_scene(
+    WIDE := build_camera(build_lens((1280, 720), 60.0, radial=(-0.05, 0.0, 0.0)), 25.0, 4.0, 6.0),
+    300,
+    np.random.default_rng(1),
+    noise=0.0,
+    noise_px=0.0,
+    distorted=True,
+)
+MIX = np.random.default_rng(2).normal(size=(5, 5)) * [0.02, 0.003, 0.003, 0.02, 0.01]
+
+
+def solved(**changes) -> Calibration:
+    values = {
+        "camera": WIDE,
+        "covariance": MIX.T @ MIX,
+        "segments": Segments.from_points(SCENE.foot_uv, SCENE.head_uv),
+        "inlier": np.arange(300) % 5 > 0,
+        "made": {"source": "yard.mp4", "command": "scene4d calibrate yard.mp4"},
+    }
+    return calibration(**(values | changes))
+
+
+PIXELS = np.vstack([SCENE.foot_uv[:20], [[640.0, -500.0], [30.0, 700.0]]])
+
+
+def test_a_loaded_calibration_answers_as_the_one_in_memory(tmp_path):
+    """W1: it answered the error from the camera, and nobody had been seen."""
+    found = solved()
+    found.save(tmp_path / "camera.json")
+    loaded = Calibration.load(tmp_path / "camera.json")
+    for from_camera in (False, True):
+        np.testing.assert_allclose(
+            loaded.ground_sigma_m(PIXELS, from_camera=from_camera),
+            found.ground_sigma_m(PIXELS, from_camera=from_camera),
+            rtol=1e-12,
+        )
+    within, absolute = (found.ground_sigma_m(PIXELS[:20], from_camera=c) for c in (False, True))
+    assert (within < 0.8 * absolute).any()  # there is something to mix up
+    assert (loaded.people, loaded.inliers, loaded.frames) == (300, 240, 40)
+    assert loaded.to_dict() == found.to_dict()
+    np.testing.assert_array_equal(loaded.covariance, found.covariance)
+    again = tmp_path / "again.json"
+    loaded.save(again)
+    assert again.read_text() == (tmp_path / "camera.json").read_text()
+    assert repr(loaded) == repr(found)
+
+
+def test_a_resized_calibration_keeps_its_error_within_the_scene(tmp_path):
+    found = solved()
+    found.save(tmp_path / "camera.json")
+    loaded = Calibration.load(tmp_path / "camera.json")
+    half = replace(loaded, camera=loaded.camera.scaled_to((640, 360)), image_size=(640, 360))
+    np.testing.assert_allclose(
+        half.ground_sigma_m((PIXELS[:20] + 0.5) / 2 - 0.5),
+        found.ground_sigma_m(PIXELS[:20]),
+        rtol=1e-6,
+    )
+
+
+def test_a_file_of_schema_1_has_no_error_within_the_scene(tmp_path):
+    path, values = tmp_path / "camera.json", solved().to_dict()
+    values["schema"] = "scene4d/camera/1"
+    del values["covariance"]["scene_motion"], values["ground_error_from_camera_m"], values["made"]
+    write_json(path, values)
+    loaded = Calibration.load(path)
+    assert (loaded.people, loaded.ground_error_m) == (300, {"median": 0.2, "p90": 0.5})
+    np.testing.assert_allclose(
+        loaded.ground_sigma_m(PIXELS, from_camera=True),
+        solved().ground_sigma_m(PIXELS, from_camera=True),
+    )
+    with pytest.raises(InputError, match=r"within the scene .* from_camera=True"):
+        loaded.ground_sigma_m(PIXELS)
+
+
+def test_a_plain_camera_has_an_unknown_error(tmp_path):
+    """W6: the camera alone has no covariance, which is not one of zeros."""
+    path = tmp_path / "camera.json"
+    WIDE.save(path)
+    loaded = Calibration.load(path)
+    assert loaded and loaded.covariance is None and loaded.sigma == {} and loaded.people == 0
+    for from_camera in (False, True):
+        with pytest.raises(InputError, match="error of this camera is not known"):
+            loaded.ground_sigma_m(PIXELS, from_camera=from_camera)
+    exact = Calibration.of_camera(WIDE)
+    assert (exact.ground_sigma_m(PIXELS[:20]) == 0).all()
+
+
+def test_what_is_undetermined_is_saved_with_its_reason(tmp_path):
+    path = tmp_path / "camera.json"
+    calibration(**UNDETERMINED).save(path)
+    with pytest.raises(InputError, match="holds no camera: all people stand at one distance"):
+        Calibration.load(path)
+
+
+NEGATIVE = np.diag([1.0, 1, -1, 1, 1]).tolist()
+CROOKED = (np.eye(5) + np.eye(5, k=1)).tolist()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"person_height_m": -1}, "'person_height_m' must be a number, greater than 0, found -1"),
+        ({"person_height_m": True}, "'person_height_m' must be a number.*found True"),
+        ({"warnings": 5}, "'warnings' must be a list of texts, found 5"),
+        ({"warnings": [5]}, "'warnings' must be a list of texts"),
+        ({"method": []}, "'method' must be a text"),
+        ({"people": -3}, "'people' must be a whole number, at least 0, found -3"),
+        ({"inliers": 2.5}, "'inliers' must be a whole number"),
+        ({"frames": "many"}, "'frames' must be a whole number"),
+        ({"ground_error_m": 3}, "'ground_error_m' must be an object"),
+        (
+            {"ground_error_m": {"median": -1}},
+            "'ground_error_m.median' must be a number, at least 0",
+        ),
+        ({"ground_error_from_camera_m": {"p90": 10**400}}, "'ground_error_from_camera_m.p90'"),
+        ({"made": {"source": 1}}, "'made.source' must be a text"),
+        ({"covariance": []}, "'covariance' must be an object"),
+        ({"covariance": {"matrix": NEGATIVE}}, "'covariance.parameters' is missing"),
+        ({"covariance": {"parameters": ["f"]}}, "'covariance.parameters' must be the list log_foc"),
+        ({"covariance": {"parameters": PARAMETERS}}, "'covariance.matrix' is missing"),
+        ({"covariance": {"parameters": PARAMETERS, "matrix": NEGATIVE}}, "no negative variance"),
+        ({"covariance": {"parameters": PARAMETERS, "matrix": CROOKED}}, "symmetric"),
+        ({"covariance": {"parameters": PARAMETERS, "matrix": [[1]]}}, "must be 5x5 finite numbers"),
+    ],
+)
+def test_a_bad_field_is_named_with_its_file(tmp_path, change, message):
+    """R14, R15."""
+    path = tmp_path / "bad camera.json"
+    path.write_text(json.dumps(solved().to_dict() | change))
+    with pytest.raises(InputError, match=message) as caught:
+        Calibration.load(path)
+    assert str(caught.value).startswith(f"{path}: ") and len(str(caught.value)) < 400

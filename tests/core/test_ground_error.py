@@ -137,18 +137,38 @@ def test_outliers_do_not_take_part_in_the_alignment():
     assert (np.abs(full.ground_sigma_m(uv) / everyone - 1) > 1e-3).any()
 
 
-def test_without_people_nothing_is_aligned():
+def test_without_people_there_is_no_error_within_the_scene():
     uv = pixels_of(CAMERA, [6.0, 25])
     nobody = calibration([0.01] * 5, segments=None, inlier=None)
-    np.testing.assert_array_equal(
-        nobody.ground_sigma_m(uv), nobody.ground_sigma_m(uv, from_camera=True)
-    )
+    with pytest.raises(InputError, match="where people walked"):
+        nobody.ground_sigma_m(uv)
+    expected = calibration([0.01] * 5).ground_sigma_m(uv, from_camera=True)
+    np.testing.assert_array_equal(nobody.ground_sigma_m(uv, from_camera=True), expected)
+    over, _ = nobody.ground_covariance(uv, aligned_over_uv=calibration([0.0] * 5).segments.foot_uv)
+    everyone, _ = calibration([0.01] * 5).ground_covariance(uv)
+    np.testing.assert_allclose(over, everyone)
 
 
 def test_a_certain_camera_has_no_ground_error():
     uv = pixels_of(CAMERA, [6.0, 25])
     np.testing.assert_array_equal(calibration([0.0] * 5).ground_sigma_m(uv), 0)
-    np.testing.assert_array_equal(calibration([0.0] * 5, covariance=None).ground_sigma_m(uv), 0)
+    np.testing.assert_array_equal(Calibration.of_camera(CAMERA).ground_sigma_m(uv), 0)
+
+
+def test_an_unknown_error_is_not_none():
+    with pytest.raises(InputError, match="error of this camera is not known"):
+        calibration([0.0] * 5, covariance=None).ground_sigma_m(pixels_of(CAMERA, [6.0]))
+
+
+def test_one_pixel_and_pixels_through_the_lens():
+    """W3: ground_sigma_m and locate speak of the same pixels."""
+    found, uv = calibration([0.01] * 5), pixels_of(CAMERA, [6.0, 25])
+    many = found.ground_sigma_m(uv)
+    assert found.ground_sigma_m(uv[0].tolist()).shape == ()
+    assert found.ground_sigma_m(uv[0]) == many[0]
+    np.testing.assert_allclose(
+        found.ground_sigma_m(CAMERA.undistort(uv)[0], undistorted=True), many, rtol=1e-6
+    )
 
 
 def test_the_sky_has_no_ground_error():

@@ -118,7 +118,7 @@ def test_an_image_size_of_whole_numbers_is_two_integers(tmp_path, size):
         assert made.image_size == (1280, 720)
         assert [type(side) for side in made.image_size] == [int, int]
     path = tmp_path / "camera.json"
-    Camera(size, K).save(path)
+    Camera(size, K, t=np.array([0.0, 0, 5])).save(path)
     assert Camera.load(path).image_size == (1280, 720)
     assert Lens((640, 360), K).scaled_to(size).image_size == (1280, 720)
 

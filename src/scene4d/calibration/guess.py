@@ -83,6 +83,7 @@ def _without(alone: Calibration, text: str) -> Calibration:
         covariance=None,
         residual=None,
         ground_error_m=None,
+        ground_error_from_camera_m=None,
         reason=f"only {share:.0%} of the sightings agree with one camera, and what the orientation "
         "network reads in the pictures contradicts it; needed: people who stand upright on the "
         'same plane, or a lens file (lens), or orientation="people" if the pictures mislead',

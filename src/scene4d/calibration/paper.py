@@ -65,7 +65,9 @@ def paper_calibration(case: Case) -> Calibration:
         warnings=_few_inliers(inlier),
     )
     errors = ground_errors(found)
-    return replace(found, ground_error_m=errors.within)
+    return replace(
+        found, ground_error_m=errors.within, ground_error_from_camera_m=errors.from_camera
+    )
 
 
 def _few_inliers(inlier: np.ndarray) -> tuple[str, ...]:

@@ -187,6 +187,7 @@ def _judged(case: Case, problem: Problem, state: State) -> Calibration:
         inlier=inlier,
         residual=case.over_all(np.hypot(lin.residual[0] * along, lin.residual[1] * across), np.nan),
         ground_error_m=errors.within,
+        ground_error_from_camera_m=errors.from_camera,
         warnings=tuple(verdict.warnings(int(case.usable.sum()), people, share, problem.prior, cov)),
     )
 

@@ -138,8 +138,9 @@ def _export_camera(
         raise typer.BadParameter(
             f"{to!r} is no format that is written; known: {', '.join(known)}", param_hint="--to"
         )
+    from scene4d.core.calibration import GIVEN
     from scene4d.core.camera import Camera
-    from scene4d.formats.cameras import read_camera, write_camera
+    from scene4d.formats.cameras import read_calibration, read_camera, write_camera
 
     if out.exists() and camera.exists() and out.samefile(camera):
         raise InputError(f"{out}: is the camera that is read; give another --out")
@@ -150,7 +151,11 @@ def _export_camera(
             f"{camera}: holds a lens and no pose, and a camera needs both; give the camera.json "
             "that `scene4d calibrate` wrote"
         )
-    write_camera(found, out, to)
+    calibration = None if from_format else read_calibration(camera, image_size=size)
+    if to == "json" and calibration is not None and calibration.method != GIVEN:
+        calibration.save(out)  # with its covariance, which a bare camera has not
+    else:
+        write_camera(found, out, to)
     return _written(to, known[to], (out,))
 
 

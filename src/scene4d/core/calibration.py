@@ -8,9 +8,10 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from scene4d.core.body import PERSON_HEIGHT_M
-from scene4d.core.camera import SCHEMA, Camera
+from scene4d.core.camera import SCHEMA, SCHEMAS, Camera
 from scene4d.core.errors import InputError
-from scene4d.core.files import read_json
+from scene4d.core.files import write_json
+from scene4d.core.json_object import JsonObject
 from scene4d.core.people import Segments
 from scene4d.core.points import PointsLike, as_points
 
@@ -26,17 +27,31 @@ displaces the image's corner: ``k1 = D (f / half diagonal)²``, so that D does n
 GIVEN = "given"
 """The method of a camera that nobody calibrated here."""
 _STEP = 1e-5
-_FEET = 200  # so many feet say where the scene lies, and how well it is known
+"""Half width of the central differences, in units of the parameters (radians, shares): rounding
+(about 1e-11 relative) and curvature (1e-10) are both far below what is asked."""
+_FEET = 200
+"""So many feet say where the scene lies. Chosen: more change no digit that is shown."""
+_ERRORS = ("ground_error_m", "ground_error_from_camera_m")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration:
     """What a calibration found; false where the camera is undetermined.
 
-    ``covariance`` is that of :data:`PARAMETERS` (5x5, zero rows for what was held fixed).
-    ``inlier`` and ``residual`` belong to the rows of ``segments``; ``residual`` is the distance
-    between the seen and the predicted head, as a fraction of the person's length in the image.
-    ``segments`` are in pixels of the footage as decoded.
+    ``covariance`` is that of :data:`PARAMETERS` (5x5, zero rows for what was held fixed), None
+    where it is not known. Its consequence on the ground comes as two errors. *Within the scene*
+    is what remains of the error of distances and shapes after the best rigid motion of the whole
+    scene; *from the camera* is the error of positions in the world of the camera (origin below it,
+    heading along +Y). ``ground_error_m`` and ``ground_error_from_camera_m`` hold the median and the
+    90th percentile of the two over where people walked.
+
+    ``segments`` (pixels of the footage) are the people that the camera was made from, with
+    ``inlier`` and ``residual`` by row; ``residual`` is the distance between the seen and the
+    predicted head, as a fraction of the person's length in the image. A file does not hold them, so
+    a loaded calibration has their number alone, and ``scene_motion`` (3x5): the rigid motion of the
+    scene (shift along X and Y in metres, turn in radians) by each parameter, from which the error
+    within the scene follows. ``made`` says where the file comes from (source, date, version,
+    command).
     """
 
     status: str
@@ -51,7 +66,19 @@ class Calibration:
     inlier: Bool[np.ndarray, "n"] | None = None
     residual: Float[np.ndarray, "n"] | None = None
     ground_error_m: dict[str, float] | None = None
+    ground_error_from_camera_m: dict[str, float] | None = None
     frames: int = 0
+    people: int = 0
+    inliers: int = 0
+    scene_motion: Float[np.ndarray, "3 5"] | None = None
+    made: dict[str, str] | None = None
+
+    def __post_init__(self) -> None:
+        """``people`` and ``inliers`` (numbers of sightings) are those of the segments, if given."""
+        if self.segments is not None:
+            object.__setattr__(self, "people", len(self.segments))
+            inliers = 0 if self.inlier is None else int(self.inlier.sum())
+            object.__setattr__(self, "inliers", inliers)
 
     def __bool__(self) -> bool:
         return self.status == "ok"
@@ -59,23 +86,17 @@ class Calibration:
     def __repr__(self) -> str:
         if not self or self.camera is None:
             return f"<Calibration undetermined: {self.reason}>"
-        c, s = self.camera, self.sigma or dict.fromkeys(("focal_px", "tilt_deg", "height_m"), 0.0)
+        c, s = self.camera, self.sigma
+
+        def spread(name: str, digits: int) -> str:
+            return f" ± {s[name]:.{digits}f}" if s else ""
+
         return (
-            f"<Calibration ({self.method}): focal {c.focal_px:.0f} ± {s['focal_px']:.0f} px, "
-            f"tilt {np.degrees(c.tilt_rad):.1f} ± {s['tilt_deg']:.1f}°, "
-            f"height {c.height_m:.2f} ± {s['height_m']:.2f} m, "
+            f"<Calibration ({self.method}): focal {c.focal_px:.0f}{spread('focal_px', 0)} px, "
+            f"tilt {np.degrees(c.tilt_rad):.1f}{spread('tilt_deg', 1)}°, "
+            f"height {c.height_m:.2f}{spread('height_m', 2)} m, "
             f"{self.inliers} of {self.people} people>"
         )
-
-    @property
-    def people(self) -> int:
-        """Number of person segments that entered the calibration."""
-        return 0 if self.segments is None else len(self.segments)
-
-    @property
-    def inliers(self) -> int:
-        """Number of segments that agree with the camera."""
-        return 0 if self.inlier is None else int(self.inlier.sum())
 
     @property
     def sigma(self) -> dict[str, float]:
@@ -99,19 +120,19 @@ class Calibration:
     ) -> tuple[Float[np.ndarray, "n 2 2"], Bool[np.ndarray, "n"]]:
         """Covariance (m²) of ground points seen at pixels ``uv`` of the footage, from the camera's.
 
-        First-order propagation by central differences. What is common to the whole scene as a
-        rigid motion is no error of the map, so it is removed, by least squares over where people
-        walked (or over the pixels ``aligned_over_uv``), as the paper's evaluation does;
-        ``from_camera`` keeps it and gives the error in the world of the camera (origin below it,
-        heading along +Y). Invalid (NaN) at and above the horizon. Raises :class:`InputError`
-        without a camera.
+        The error within the scene, or ``from_camera`` (see the class). The rigid motion between the
+        two is fitted by least squares over where people walked, or over the pixels
+        ``aligned_over_uv``, as the paper's evaluation does. Invalid (NaN) at and above the horizon.
+        Raises :class:`InputError` without a camera or a covariance, and for the error within the
+        scene where nothing says where people walked.
         """
+        if self.covariance is None:
+            self._camera()
+            raise InputError("the error of this camera is not known: it has no covariance")
         xy, jacobian, valid = self.ground_jacobian(uv)
         if not from_camera:
-            over_uv = self._some_feet_uv() if aligned_over_uv is None else aligned_over_uv
-            at, moved, _ = self.ground_jacobian(over_uv)
-            jacobian = jacobian - _common_motion(at, moved, xy)
-        return jacobian @ self.parameter_covariance @ np.swapaxes(jacobian, -1, -2), valid
+            jacobian = jacobian - _rigid_motions(xy) @ self._motion(aligned_over_uv)
+        return _propagated(jacobian, self.covariance), valid
 
     def walked_ground_sigma_m(
         self,
@@ -121,14 +142,23 @@ class Calibration:
         """
         xy, jacobian, valid = self.ground_jacobian(self._some_feet_uv())
         xy, jacobian = xy[valid], jacobian[valid]
-        within = jacobian - _common_motion(xy, jacobian, xy)
-        sigma = [
-            np.sqrt(
-                np.trace(j @ self.parameter_covariance @ np.swapaxes(j, -1, -2), axis1=1, axis2=2)
+        within = jacobian - _rigid_motions(xy) @ _common_motion(xy, jacobian)
+        sigma_m = [_sigma_m(j, self.parameter_covariance) for j in (within, jacobian)]
+        return xy, sigma_m[0], sigma_m[1]
+
+    def _motion(self, over_uv: np.ndarray | None = None) -> Float[np.ndarray, "3 5"]:
+        """``scene_motion``, or that over other pixels."""
+        if over_uv is None and self.segments is not None:
+            over_uv = self._some_feet_uv()
+        if over_uv is not None:
+            xy, jacobian, valid = self.ground_jacobian(over_uv)
+            return _common_motion(xy[valid], jacobian[valid])
+        if self.scene_motion is None:
+            raise InputError(
+                "the error within the scene needs to know where people walked, which this "
+                "calibration does not say; calibrate again, or ask with from_camera=True"
             )
-            for j in (within, jacobian)
-        ]
-        return xy, sigma[0], sigma[1]
+        return self.scene_motion
 
     def _some_feet_uv(self) -> np.ndarray:
         if self.segments is None:
@@ -193,42 +223,59 @@ class Calibration:
     @classmethod
     def of_camera(cls, camera: Camera) -> "Calibration":
         """A camera that somebody gives, taken as exact."""
+        n = len(PARAMETERS)
         return cls(
             status="ok",
             method=GIVEN,
             image_size=camera.image_size,
             person_height_m=PERSON_HEIGHT_M,
             camera=camera,
+            covariance=np.zeros((n, n)),
+            scene_motion=np.zeros((3, n)),
         )
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Calibration":
-        """Read the ``camera.json`` of a calibration, without the people that it was made from.
+        """Read a ``camera.json``, which holds all but the people that it was made from.
 
-        Raises :class:`InputError` as :meth:`Camera.load`, for a covariance of another kind, and
-        for a camera that no calibration made (it has no ``person_height_m``).
+        A camera that no calibration made, or whose covariance was not written, has
+        ``covariance`` None: its error is not known. Raises :class:`InputError` naming the file and
+        the field, also where there is no camera.
         """
-        camera = Camera.load(path)
-        values = read_json(path)
-        height = values.get("person_height_m")
-        if not isinstance(height, int | float):
-            raise InputError(
-                f'{path}: field "person_height_m" is missing: no calibration wrote this'
-            )
-        covariance = values.get("covariance")
-        if covariance is not None:
-            covariance = _covariance(covariance, path)
+        fields = JsonObject.read(path, *SCHEMAS)
+        camera = Camera.from_fields(fields)
+        height = "person_height_m"
+        covariance, scene_motion = _uncertainty(fields)
+        within, from_camera = (_percentiles(fields, name) for name in _ERRORS)
+        frames, people, inliers = (
+            fields.integer(name, least=0) if name in fields else 0
+            for name in ("frames", "people", "inliers")
+        )
         return cls(
             status="ok",
-            method=str(values.get("method", "unknown")),
+            method=fields.text("method") if "method" in fields else GIVEN,
             image_size=camera.image_size,
-            person_height_m=float(height),
+            person_height_m=fields.number(height, above=0.0)
+            if height in fields
+            else PERSON_HEIGHT_M,
             camera=camera,
             covariance=covariance,
-            warnings=tuple(values.get("warnings", ())),
-            ground_error_m=values.get("ground_error_m"),
-            frames=int(values.get("frames", 0)),
+            warnings=fields.texts("warnings") if "warnings" in fields else (),
+            ground_error_m=within,
+            ground_error_from_camera_m=from_camera,
+            frames=frames,
+            people=people,
+            inliers=inliers,
+            scene_motion=scene_motion,
+            made=_texts(fields.object("made")) if "made" in fields else None,
         )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a ``camera.json`` atomically; :meth:`load` reads all of it back.
+
+        Raises :class:`~scene4d.core.errors.OutputError` where it cannot be written.
+        """
+        write_json(path, self.to_dict())
 
     def to_dict(self) -> dict[str, Any]:
         """The content of ``camera.json``."""
@@ -236,12 +283,9 @@ class Calibration:
         if self.camera is not None and self:
             values |= self.camera.to_dict()
             values["sigma"] = self.sigma
-            values["ground_error_m"] = self.ground_error_m
             if self.covariance is not None:
-                values["covariance"] = {
-                    "parameters": list(PARAMETERS),
-                    "matrix": self.covariance.tolist(),
-                }
+                values["covariance"] = self._covariance_fields(self.covariance)
+            values |= {name: getattr(self, name) for name in _ERRORS}
         values |= {
             "method": self.method,
             "person_height_m": self.person_height_m,
@@ -251,21 +295,43 @@ class Calibration:
             "status": self.status,
             "warnings": list(self.warnings),
         }
-        if self.reason is not None:
-            values["reason"] = self.reason
-        return values
+        optional = {"reason": self.reason, "made": self.made}
+        return values | {name: value for name, value in optional.items() if value is not None}
+
+    def _covariance_fields(self, covariance: np.ndarray) -> dict[str, Any]:
+        fields: dict[str, Any] = {"parameters": list(PARAMETERS), "matrix": covariance.tolist()}
+        if self.segments is not None or self.scene_motion is not None:
+            fields["scene_motion"] = self._motion().tolist()
+        return fields
 
 
-def _covariance(field: Any, path: str | os.PathLike[str]) -> np.ndarray:
-    n = len(PARAMETERS)
-    try:
-        matrix = np.array(field["matrix"], float)
-        known = tuple(field["parameters"]) == PARAMETERS
-    except (KeyError, TypeError, ValueError):
-        known, matrix = False, np.empty(0)
-    if not known or matrix.shape != (n, n) or not np.isfinite(matrix).all():
-        raise InputError(f'{path}: field "covariance" must hold {n}x{n} numbers of {PARAMETERS}')
-    return matrix
+def _percentiles(fields: JsonObject, name: str) -> dict[str, float] | None:
+    if name not in fields:
+        return None
+    inside = fields.object(name)
+    return {key: inside.number(key, least=0.0) for key in inside.names()}
+
+
+def _texts(fields: JsonObject) -> dict[str, str]:
+    return {name: fields.text(name) for name in fields.names()}
+
+
+def _uncertainty(
+    fields: JsonObject,
+) -> tuple[Float[np.ndarray, "5 5"] | None, Float[np.ndarray, "3 5"] | None]:
+    """``covariance`` and ``scene_motion``; None where the file does not say."""
+    if "covariance" not in fields:
+        return None, None
+    n, inside = len(PARAMETERS), fields.object("covariance")
+    if inside.texts("parameters") != PARAMETERS:
+        raise inside.error("parameters", f"the list {', '.join(PARAMETERS)}")
+    matrix = inside.array("matrix", n, n)
+    size = float(np.abs(matrix).max())
+    symmetric = np.allclose(matrix, matrix.T, rtol=0, atol=1e-9 * size)
+    if not symmetric or np.linalg.eigvalsh(matrix).min() < -1e-9 * size:
+        raise inside.error("matrix", "a covariance: symmetric, with no negative variance")
+    motion = inside.array("scene_motion", 3, n) if "scene_motion" in inside else None
+    return matrix, motion
 
 
 def _rigid_motions(xy: np.ndarray) -> np.ndarray:
@@ -276,10 +342,19 @@ def _rigid_motions(xy: np.ndarray) -> np.ndarray:
     return motions
 
 
-def _common_motion(at: np.ndarray, moved: np.ndarray, xy: np.ndarray) -> np.ndarray:
-    """Derivatives (n, 2, 5) at ``xy`` of the rigid motion nearest to those ``moved`` (m, 2, 5)."""
-    seen = np.isfinite(moved).all(axis=(1, 2))
-    if seen.sum() < 2:
-        return np.zeros((len(xy), 2, moved.shape[2]))
-    design, answer = _rigid_motions(at[seen]).reshape(-1, 3), moved[seen].reshape(-1, 5)
-    return _rigid_motions(xy) @ np.linalg.lstsq(design, answer, rcond=None)[0]
+def _common_motion(xy: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+    """Derivatives (3, 5) of the rigid motion nearest to those of ground points (n, 2, 5)."""
+    if len(xy) < 2:
+        return np.zeros((3, len(PARAMETERS)))
+    design, answer = _rigid_motions(xy).reshape(-1, 3), jacobian.reshape(-1, len(PARAMETERS))
+    motion: np.ndarray = np.linalg.lstsq(design, answer, rcond=None)[0]
+    return motion
+
+
+def _propagated(jacobian: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    return jacobian @ covariance @ np.swapaxes(jacobian, -1, -2)
+
+
+def _sigma_m(jacobian: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    sigma_m: np.ndarray = np.sqrt(np.trace(_propagated(jacobian, covariance), axis1=1, axis2=2))
+    return sigma_m

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,14 @@ from jaxtyping import Bool, Float
 
 from scene4d.core import geometry
 from scene4d.core.errors import InputError
-from scene4d.core.files import read_json, write_json
+from scene4d.core.files import write_json
+from scene4d.core.json_object import JsonObject
 from scene4d.core.points import ImageSize, PointsLike, as_image_size, as_points
+from scene4d.core.text import prefixed, quoted
 
-SCHEMA = "scene4d/camera/1"
+SCHEMA = "scene4d/camera/2"
+SCHEMAS = ("scene4d/camera/1", SCHEMA)
+"""What is read: schema 2 adds to schema 1 what a calibration's errors within the scene need."""
 _ASPECT_TOLERANCE = 0.01
 _SHAPES = {"K": (3, 3), "distortion": (5,), "R": (3, 3), "t": (3,)}
 
@@ -25,7 +30,7 @@ def _frozen(values: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
         array = np.empty(())
     if array.shape != shape or not np.isfinite(array).all():
         wanted = "x".join(map(str, shape))
-        raise InputError(f"{name} must be {wanted} finite numbers, found {values!r}")
+        raise InputError(f"{name} must be {wanted} finite numbers, found {quoted(values)}")
     array.setflags(write=False)
     return array
 
@@ -243,32 +248,46 @@ class Camera(Lens):
             "R": self.R.tolist(),
             "t": self.t.tolist(),
             "P": self.P.tolist(),
-            "focal_px": self.focal_px,
-            "tilt_deg": float(np.degrees(self.tilt_rad)),
-            "roll_deg": float(np.degrees(self.roll_rad)),
-            "height_m": self.height_m,
+            **self._derived(),
         }
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Camera":
         """Read a ``camera.json``. Raises :class:`InputError` naming the file and the field."""
-        values = read_json(path)
-        if not isinstance(values, dict) or values.get("schema") != SCHEMA:
-            raise InputError(f'{path}: field "schema" must be "{SCHEMA}"')
-        if values.get("status", "ok") != "ok":
-            raise InputError(f"{path}: holds no camera: {values.get('reason', 'undetermined')}")
+        return cls.from_fields(JsonObject.read(path, *SCHEMAS))
+
+    @classmethod
+    def from_fields(cls, fields: JsonObject) -> "Camera":
+        """The camera in the fields of a ``camera.json``; raises :class:`InputError` as ``load``."""
+        if "status" in fields and fields.text("status") != "ok":
+            reason = fields.text("reason") if "reason" in fields else "undetermined"
+            raise InputError(f"{fields.where}: holds no camera: {reason}")
+        if "distortion_model" in fields:
+            raise fields.error("distortion_model", "absent: only k1 k2 p1 p2 k3 are read here")
+        size = fields.array("image_size", 2)
+        values = {name: fields.array(name, *shape) for name, shape in _SHAPES.items()}
         try:
-            size = values["image_size"]
-            if not (isinstance(size, list) and [type(x) for x in size] == [int, int]):
-                raise InputError(f"image_size must be [width, height] in pixels, found {size!r}")
-            return cls(
-                image_size=(size[0], size[1]),
-                **{name: _frozen(values[name], shape, name) for name, shape in _SHAPES.items()},
-            )
-        except KeyError as error:
-            raise InputError(f"{path}: field {error} is missing") from error
+            camera = cls(image_size=as_image_size(size), **values)
         except InputError as error:
-            raise InputError(f"{path}: {error}") from error
+            raise prefixed(error, Path(fields.where)) from error
+        if camera.height_m <= 0:
+            raise fields.error("t", "that of a camera above the ground (height_m greater than 0)")
+        camera._check_derived(fields)
+        return camera
+
+    def _check_derived(self, fields: JsonObject) -> None:
+        """Refuse a file whose readable fields do not say what its matrices say."""
+        for name, value in self._derived().items():
+            if name in fields and not np.isclose(fields.number(name), value, rtol=1e-3, atol=1e-2):
+                raise fields.error(name, f"{value:.6g}, as K, R and t say")
+
+    def _derived(self) -> dict[str, float]:
+        return {
+            "focal_px": self.focal_px,
+            "tilt_deg": float(np.degrees(self.tilt_rad)),
+            "roll_deg": float(np.degrees(self.roll_rad)),
+            "height_m": self.height_m,
+        }
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a ``camera.json`` atomically. Raises :class:`OutputError` where it cannot."""

@@ -23,7 +23,7 @@ class JsonObject:
     """
 
     def __init__(self, values: Any, where: str, inside: str = "") -> None:
-        self._where, self._inside = where, inside
+        self.where, self._inside = where, inside
         if not isinstance(values, dict):
             what = f"field {inside[:-1]!r} " if inside else ""
             raise InputError(f"{where}: {what}must be an object, found {quoted(values)}")
@@ -46,7 +46,7 @@ class JsonObject:
 
     def error(self, name: str, expected: str) -> InputError:
         """The error of a field that is not as expected."""
-        field = f"{self._where}: field {self._inside + name!r}"
+        field = f"{self.where}: field {self._inside + name!r}"
         if name not in self:
             return InputError(f"{field} is missing: it must be {expected}")
         return InputError(f"{field} must be {expected}, found {quoted(self._values[name])}")
@@ -57,7 +57,7 @@ class JsonObject:
         unknown = sorted(set(self._values) - set(known))
         if unknown:
             raise InputError(
-                f"{self._where}: unknown field {quoted(self._inside + unknown[0])}; "
+                f"{self.where}: unknown field {quoted(self._inside + unknown[0])}; "
                 f"known: {', '.join(known)}"
             )
 
@@ -120,7 +120,7 @@ class JsonObject:
         """An object within this one."""
         if name not in self:
             raise self.error(name, "an object")
-        return JsonObject(self.value(name), self._where, f"{self._inside}{name}.")
+        return JsonObject(self.value(name), self.where, f"{self._inside}{name}.")
 
     def objects(self, name: str) -> "list[JsonObject]":
         """A list of objects."""
@@ -128,7 +128,7 @@ class JsonObject:
         if not isinstance(value, list):
             raise self.error(name, "a list of objects")
         inside = f"{self._inside}{name}"
-        return [JsonObject(item, self._where, f"{inside}[{i}].") for i, item in enumerate(value)]
+        return [JsonObject(item, self.where, f"{inside}[{i}].") for i, item in enumerate(value)]
 
 
 def _finite(value: Any) -> float | None:

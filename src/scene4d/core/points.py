@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.core.errors import InputError
+from scene4d.core.text import quoted
 
 if TYPE_CHECKING:
     ImageSize = tuple[int, int]
@@ -38,7 +39,9 @@ def as_points(
     try:
         found = np.asarray(values, float)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name}: expected points of {size} numbers, found {values!r}") from None
+        raise InputError(
+            f"{name}: expected points of {size} numbers, found {quoted(values)}"
+        ) from None
     if found.shape == (0,):
         return np.empty((0, size)), False
     if found.ndim not in (1, 2) or found.shape[-1] != size:
@@ -58,7 +61,7 @@ def as_image_size(values: Any, name: str = "image_size") -> tuple[int, int]:
     except (TypeError, ValueError, OverflowError):
         found = np.empty(0)
     if found.shape != (2,) or not (np.isfinite(found) & (found == np.round(found))).all():
-        raise InputError(f"{name} must be (width, height) in whole pixels, found {values!r}")
+        raise InputError(f"{name} must be (width, height) in whole pixels, found {quoted(values)}")
     if found.min() < 1:
-        raise InputError(f"{name} must be positive, found {values!r}")
+        raise InputError(f"{name} must be positive, found {quoted(values)}")
     return int(found[0]), int(found[1])
