@@ -7,17 +7,31 @@ from pathlib import Path
 from typing import Any
 
 from scene4d.core.errors import InputError, OutputError
+from scene4d.core.text import quoted
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:
-    """What a JSON file holds; raises :class:`InputError` where it cannot be read or is no JSON."""
+    """What a JSON file holds; raises :class:`InputError` where it cannot be read, is no JSON, or
+    has a name twice in one object, of which readers would take the last without a word.
+    """
     path = Path(path)
     try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
+        return json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_object)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
     except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: is not JSON: {error}") from error
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in values:
+            raise InputError(f"the name {quoted(name)} is there twice")
+        values[name] = value
+    return values
 
 
 def write_json(path: str | os.PathLike[str], values: dict[str, Any]) -> None:

@@ -8,22 +8,21 @@ Polygon without holes is a zone, a LineString a line; ``properties`` hold ``name
 ``camera``. Its coordinates are metres on the ground, as tracks have them, and no longitudes.
 """
 
-import math
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from scene4d.core.errors import InputError
-from scene4d.core.files import read_json
-from scene4d.core.text import nearest, prefixed
+from scene4d.core.json_object import JsonObject
+from scene4d.core.text import nearest, prefixed, quoted
 from scene4d.searching.predicates.zones import check_place
 
 _KINDS = {"Polygon": "zone", "LineString": "line"}
-_KEYS = ("zones", "lines")
+_LONGEST_NAME = 80
+"""Characters: a name is said in a search, and shown in plans."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,16 +65,12 @@ def read_places(path: Path, cameras: Collection[str]) -> Places:
     Raises :class:`InputError`, naming file and place, for another structure, a zone that crosses
     itself, a line of one point, a name that is there twice, and an unknown camera.
     """
-    values = read_json(path)
+    values = JsonObject.read(path)
+    is_geojson = values.value("type") in ("FeatureCollection", "Feature")
     try:
-        found = tuple(_places(values))
+        found = tuple(_of_geojson(values) if is_geojson else _of_plain(values))
         for place in found:
-            if place.camera is not None and place.camera not in cameras:
-                raise InputError(
-                    f"{place.kind} {place.name!r}: no camera {place.camera!r}"
-                    f"{nearest(place.camera, cameras)}"
-                )
-            check_place(place.kind, place.name, place.points)
+            _check(place, cameras)
         _check_names(found)
     except InputError as error:
         raise prefixed(error, path) from None
@@ -84,75 +79,53 @@ def read_places(path: Path, cameras: Collection[str]) -> Places:
     return Places(found)
 
 
-def _places(values: Any) -> Iterator[Place]:
-    if not isinstance(values, dict):
-        raise InputError(f"expected an object with zones or lines, found {_kind(values)}")
-    if values.get("type") in ("FeatureCollection", "Feature"):
-        yield from _of_geojson(values)
-        return
-    unknown = [key for key in values if key not in _KEYS]
-    if unknown:
-        raise InputError(f"unknown key {unknown[0]!r}{nearest(unknown[0], _KEYS)}")
-    for key in _KEYS:
-        kind = key[:-1]
-        places = values.get(key, {})
-        if not isinstance(places, dict):
-            raise InputError(f"{key}: expected names with their points, found {_kind(places)}")
-        for name, value in places.items():
-            camera = None
-            if isinstance(value, dict):
-                extra = [k for k in value if k not in ("camera", "points")]
-                if extra:
-                    raise InputError(f"{kind} {name!r}: unknown key {extra[0]!r}")
-                camera, value = value.get("camera"), value.get("points")
-            yield _place(kind, name, value, camera)
+def _of_plain(values: JsonObject) -> Iterator[Place]:
+    values.only(("zones", "lines"))
+    for key in values.names():
+        places = values.object(key)
+        for name in values.value(key):
+            if isinstance(places.value(name), dict):
+                place = places.object(name)
+                place.only(("camera", "points"))
+                yield Place(key[:-1], name, place.array("points", None, 2), _camera(place))
+            else:
+                yield Place(key[:-1], name, places.array(name, None, 2))
 
 
-def _of_geojson(values: dict[str, Any]) -> Iterator[Place]:
+def _of_geojson(values: JsonObject) -> Iterator[Place]:
     if "crs" in values:
-        raise InputError(
-            f"crs is {values['crs']!r}: coordinates are the scene's own metres; leave crs out"
-        )
-    features = values.get("features") if values["type"] == "FeatureCollection" else [values]
-    if not isinstance(features, list):
-        raise InputError(f"features: expected a list, found {_kind(features)}")
-    for number, feature in enumerate(features, 1):
-        where = f"feature {number}"
-        geometry = feature.get("geometry") if isinstance(feature, dict) else None
-        properties = (feature.get("properties") if isinstance(feature, dict) else None) or {}
-        if not isinstance(geometry, dict) or not isinstance(properties, dict):
-            raise InputError(f"{where}: expected a Feature with geometry and properties")
-        kind = _KINDS.get(str(geometry.get("type")))
+        raise values.error("crs", "left out: coordinates are the scene's own metres")
+    is_collection = values.value("type") == "FeatureCollection"
+    for feature in values.objects("features") if is_collection else [values]:
+        geometry, properties = feature.object("geometry"), feature.object("properties")
+        kind = _KINDS.get(geometry.text("type"))
+        name, camera = properties.text("name"), _camera(properties)
         if kind is None:
-            raise InputError(
-                f"{where}: geometry is {geometry.get('type')!r}, expected Polygon or LineString"
-            )
-        if not isinstance(properties.get("name"), str):
-            raise InputError(f"{where}: properties.name is missing: what is the place called?")
-        points = geometry.get("coordinates")
-        if kind == "zone":
-            if not isinstance(points, list) or len(points) != 1:
-                raise InputError(f"{where}: expected a Polygon of one ring, without holes")
-            points = points[0]
-        yield _place(kind, properties["name"], points, properties.get("camera"))
+            raise geometry.error("type", "Polygon or LineString")
+        if kind == "line":
+            yield Place(kind, name, geometry.array("coordinates", None, 2), camera)
+            continue
+        rings = geometry.value("coordinates")
+        if not isinstance(rings, list) or len(rings) != 1:
+            raise geometry.error("coordinates", "one ring, without holes")
+        yield Place(kind, name, geometry.array("coordinates", 1, None, 2)[0], camera)
 
 
-def _place(kind: str, name: str, value: Any, camera: Any) -> Place:
-    what = f"{kind} {name!r}"
-    if not name.strip():
-        raise InputError(f"{kind}: a name is empty")
-    if camera is not None and not isinstance(camera, str):
-        raise InputError(f"{what}: camera must be a name, found {_kind(camera)}")
-    if not isinstance(value, list):
-        raise InputError(f"{what}: expected a list of points [x, y], found {_kind(value)}")
-    for number, point in enumerate(value, 1):
-        if not isinstance(point, list) or len(point) != 2 or not all(map(_is_number, point)):
-            raise InputError(f"{what}: point {number} is {point!r}, expected [x, y] in metres")
-    return Place(kind, name, np.array(value, float).reshape(-1, 2), camera)
+def _camera(values: JsonObject) -> str | None:
+    return values.text("camera") if "camera" in values else None
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+def _check(place: Place, cameras: Collection[str]) -> None:
+    if not place.name.strip() or len(place.name) > _LONGEST_NAME:
+        raise InputError(
+            f"{place.kind} {quoted(place.name)}: a name has 1 to {_LONGEST_NAME} characters"
+        )
+    if place.camera is not None and place.camera not in cameras:
+        raise InputError(
+            f"{place.kind} {place.name!r}: no camera {quoted(place.camera)}"
+            f"{nearest(place.camera, cameras)}"
+        )
+    check_place(place.kind, place.name, place.points)
 
 
 def _check_names(places: tuple[Place, ...]) -> None:
@@ -164,8 +137,3 @@ def _check_names(places: tuple[Place, ...]) -> None:
                 raise InputError(f"{place.name!r} is a zone and a line; expected one of them")
             if place.camera == other.camera or None in (place.camera, other.camera):
                 raise InputError(f"{place.kind} {place.name!r} is there twice")
-
-
-def _kind(value: Any) -> str:
-    names = {dict: "an object", list: "a list", str: "a text", type(None): "nothing"}
-    return names.get(type(value), repr(value))
