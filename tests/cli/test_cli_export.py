@@ -72,7 +72,8 @@ def test_an_undetermined_camera_is_not_exported(run, scene, tmp_path):
     assert not (tmp_path / "x").exists()
 
 
-def test_a_folder_that_is_not_there(run, scene, tmp_path):
+def test_a_folder_that_cannot_be_made(run, scene, tmp_path):
+    (tmp_path / "no").write_text("a file")
     done = run("export", scene["lens"], "--to", "krtd", "--out", tmp_path / "no" / "x")
     assert done.exit_code == 1 and done.stdout == ""
     assert done.stderr.startswith("scene4d: error: ") and len(done.stderr.splitlines()) == 1
@@ -81,8 +82,10 @@ def test_a_folder_that_is_not_there(run, scene, tmp_path):
 def test_a_format_without_an_image_size_is_told_it(run, scene, camera, tmp_path):
     stream, back = tmp_path / "camInfo.yml", tmp_path / "back.json"
     run("export", scene["lens"], "--to", "deepstream", "--out", stream)
+    older = stream.read_text().replace("projectionMatrix_3x4_w2p", "other")
+    stream.write_text(older)  # the entry that counts from the image centre alone
     done = run("export", stream, "--to", "json", "--out", back)
-    assert done.exit_code == 1 and "--image-size" in done.stderr
+    assert done.exit_code == 1 and "image_size" in done.stderr
     size = "{}x{}".format(*camera.image_size)
     done = run(
         "export",

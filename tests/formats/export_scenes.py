@@ -106,7 +106,7 @@ def nowhere() -> Tracks:
 def scene(*parts: Tracks, **fields) -> SceneTable:
     """The three of them, of a camera on the Earth at a known time."""
     tracks = Tracks.concatenate(parts or (walker(), parked(), nowhere()))
-    known = {"start_utc": START, "fps": 30.0, "geo": ANCHOR}
+    known = {"start_utc": START, "geo": ANCHOR}
     names = ANKLES[: tracks.keypoint_uv.shape[1]]
     return SceneTable(tracks, "G340", SIZE, **(known | {"keypoint_names": names} | fields))
 

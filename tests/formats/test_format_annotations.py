@@ -196,11 +196,19 @@ GOOD = "1,-1,10,20,30,60,0.9\n\n"
         ("0,-1,10,20,30,60,0.9", "line 3: frames count from 1, found 0"),
         ("1.5,-1,10,20,30,60,0.9", "line 3: the frame number must be a whole number, found 1.5"),
         ("2,-1,10,20,30,60,nan", "line 3: confidence is not finite"),
+        ("3000000000,-1,10,20,30,60,1", "line 3: .* frame number of 20000000 or more"),
     ],
 )
 def test_bad_mot_rows(tmp_path, line, message):
     with pytest.raises(InputError, match=r"det\.txt: " + message):
         read(tmp_path, "det.txt", GOOD + line + "\n")
+
+
+def test_a_frame_that_no_recording_has_may_be_left_out(tmp_path):
+    """A time or an identifier in the place of a frame: two lines once took all memory."""
+    text = GOOD * 4 + "3000000000,-1,10,20,30,60,0.9\n"
+    with pytest.warns(UserWarning, match="left out 1 of 5 boxes"):
+        assert read(tmp_path, "det.txt", text, drop_invalid=True).frame.max() == 0
 
 
 def test_boxes_cut_by_the_border_are_kept(tmp_path):
@@ -339,16 +347,16 @@ def test_bad_coco(tmp_path, path, value, message):
 def test_unreadable_and_unknown(tmp_path):
     with pytest.raises(InputError, match="the file is empty"):
         read(tmp_path, "a.txt", "")
-    with pytest.raises(InputError, match="no annotation format recognises"):
+    with pytest.raises(InputError, match=r"recognises this file; give its format, one of .*mot"):
         read(tmp_path, "a.txt", "hello")
     with pytest.raises(InputError, match="is a folder"):
         read_annotations(tmp_path, image_size=SIZE)
     with pytest.raises(InputError, match="cannot be read"):
         read_annotations(tmp_path / "missing.txt", image_size=SIZE)
-    with pytest.raises(InputError, match="format 'x' is unknown"):
+    with pytest.raises(InputError, match=r"format 'x' is unknown; known: coco, pets, .*mot"):
         read(tmp_path, "a.txt", GOOD, format="x")
     with pytest.raises(InputError, match="fps must be positive"):
         read(tmp_path, "a.txt", GOOD, fps=0.0)
     assert len(read(tmp_path, "a.dat", GOOD, format="mot")) == 1
     names = [f.name for f in annotation_formats()]
-    assert len(set(names)) == len(names) == 7
+    assert len(set(names)) == len(names) == 8

@@ -1,11 +1,11 @@
 """Camera files: known cameras, independent readers, round trips."""
 
 import json
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -75,7 +75,8 @@ def test_what_is_written_reads_back(tmp_path_factory, name, numbers):
 
 def test_every_writable_format_is_in_the_round_trip():
     assert set(WRITABLE) == set(FILE_NAMES)
-    assert {f.name for f in camera_formats() if not f.write} == {"tsai", "towncentre"}
+    read_only = {f.name for f in camera_formats() if not f.write}
+    assert read_only == {"kitti", "openlabel", "tsai", "towncentre"}
 
 
 @pytest.fixture
@@ -175,63 +176,26 @@ def test_we_read_files_of_opencv(tmp_path, camera, suffix, pose):
         np.testing.assert_allclose(found.t, camera.t, atol=1e-12)
 
 
-def test_colmap_counts_pixels_from_the_corner_and_quaternions_from_w(tmp_path, camera):
-    write_camera(camera, tmp_path / "model", "colmap")
-    lines = (tmp_path / "model" / "cameras.txt").read_text().splitlines()
-    _, model, _, _, *values = lines[-1].split()
-    assert model == "FULL_OPENCV"
-    assert [float(x) for x in values[:4]] == [1000, 1010, 630.75, 367.0]
-    images = (tmp_path / "model" / "images.txt").read_text().splitlines()
-    w, x, y, z = (float(q) for q in images[1].split()[1:5])
-    np.testing.assert_allclose(Rotation.from_quat([x, y, z, w]).as_matrix(), camera.R, atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("model", "values", "distortion"),
-    [
-        ("SIMPLE_PINHOLE", "900 640.5 360.5", [0, 0, 0, 0, 0]),
-        ("PINHOLE", "900 900 640.5 360.5", [0, 0, 0, 0, 0]),
-        ("SIMPLE_RADIAL", "900 640.5 360.5 -0.1", [-0.1, 0, 0, 0, 0]),
-        ("RADIAL", "900 640.5 360.5 -0.1 0.02", [-0.1, 0.02, 0, 0, 0]),
-        ("OPENCV", "900 900 640.5 360.5 -0.1 0.02 1e-3 2e-3", [-0.1, 0.02, 1e-3, 2e-3, 0]),
-        (
-            "FULL_OPENCV",
-            "900 900 640.5 360.5 -0.1 0.02 1e-3 2e-3 0.3 0 0 0",
-            [-0.1, 0.02, 1e-3, 2e-3, 0.3],
-        ),
-    ],
-)
-def test_colmap_models(tmp_path, model, values, distortion):
-    (tmp_path / "cameras.txt").write_text(f"# comment\n1 {model} 1280 720 {values}\n")
-    (tmp_path / "images.txt").write_text("7 1 0 0 0 0 0 0 1 a b.jpg\n1.0 2.0 -1\n")
-    for path in (tmp_path, tmp_path / "cameras.txt"):
-        found = read_camera(path)
-        np.testing.assert_allclose(found.K, [[900, 0, 640], [0, 900, 360], [0, 0, 1]])
-        np.testing.assert_allclose(found.distortion, distortion)
-        assert isinstance(found, Camera)
-    # Several images, the first without points: no camera, but a lens.
-    (tmp_path / "images.txt").write_text("1 1 0 0 0 0 0 0 1 a.jpg\n\n2 1 0 0 0 0 0 1 1 b.jpg\n\n")
-    with pytest.raises(InputError, match="holds 2 images"):
-        read_camera(tmp_path)
-    assert read_lens(tmp_path).K[0, 2] == 640
-
-
-def test_deepstream_counts_pixels_from_the_image_centre(tmp_path, camera):
+def test_deepstream_holds_both_matrices(tmp_path, camera):
+    """Read with a plain YAML parser, as NVIDIA's tools do (they take ``_w2p`` alone)."""
     path = tmp_path / "camInfo.yml"
     write_camera(camera, path, "deepstream")
+    values = yaml.safe_load(path.read_text())
+    assert list(values) == ["projectionMatrix_3x4_w2p", "projectionMatrix_3x4", "modelInfo"]
+    assert values["modelInfo"] == {"height": 1.7, "radius": 0.25}
+    world = np.array([[1.0, 20.0, 1.7, 1.0], [-4.0, 35.0, 0.0, 1.0]])
+    uv = world @ camera.P.T
+    for name, origin in zip(values, (0.0, [639.5, 359.5]), strict=False):
+        found = world @ np.reshape(values[name], (3, 4)).T
+        np.testing.assert_allclose(
+            found[:, :2] / found[:, 2:], uv[:, :2] / uv[:, 2:] - origin, atol=1e-9
+        )
     lines = path.read_text().splitlines()
-    start = lines.index("projectionMatrix_3x4:") + 1
-    P = np.array([float(line.removeprefix("  - ")) for line in lines[start : start + 12]]).reshape(
-        3, 4
-    )
-    world = np.array([[1.0, 20.0, 1.7], [-4.0, 35.0, 0.0]])
-    uv, valid = camera.project(world, undistorted=True)
-    assert valid.all()
-    x = np.column_stack([world, np.ones(2)]) @ P.T
-    np.testing.assert_allclose(x[:, :2] / x[:, 2:], uv - [639.5, 359.5], atol=1e-9)
-    assert "  height: 1.7" in lines
+    centred = lines[lines.index("projectionMatrix_3x4:") :]  # the older entry alone
+    path.write_text("\n".join(centred))
     with pytest.raises(InputError, match="give image_size"):
         read_camera(path)
+    np.testing.assert_allclose(read_camera(path, image_size=(1280, 720)).P, camera.P, atol=1e-8)
 
 
 # deepstream-tracker-3d/configs/camInfo.yml of NVIDIA's deepstream_reference_apps (Apache-2.0);
@@ -312,24 +276,25 @@ def test_lens_is_scaled_to_the_footage(tmp_path, camera):
         read_lens(path, image_size=(640, 480))
 
 
+@pytest.mark.parametrize("name", ["ros", "colmap"])
+def test_missing_folders_are_made(tmp_path, camera, name):
+    path = tmp_path / "new" / "dir" / "camera"
+    write_camera(camera, path, name)
+    assert read_lens(path).K[0, 0] == camera.K[0, 0]
+
+
 def test_writing_says_what_it_cannot(tmp_path, camera):
     with pytest.raises(InputError, match="read only"):
         write_camera(camera, tmp_path / "a.xml", "tsai")
     with pytest.raises(InputError, match="unknown"):
         write_camera(camera, tmp_path / "a.xml", "nonsense")
-    with pytest.raises(OutputError):
-        write_camera(camera, tmp_path / "missing" / "a.yml", "ros")
     (tmp_path / "file").write_text("x")
     with pytest.raises(OutputError):
         write_camera(camera, tmp_path / "file", "colmap")
     assert (tmp_path / "file").read_text() == "x"
+    with pytest.raises(OutputError, match=r"a\.yml: cannot be written: Not a directory"):
+        write_camera(camera, tmp_path / "file" / "a.yml", "ros")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file"]
     skewed = Camera(camera.image_size, camera.K + np.eye(3, k=1) * [[0, 1, 0]], R=camera.R)
     with pytest.raises(InputError, match="skew"):
         write_camera(skewed, tmp_path / "model", "colmap")
-
-
-def test_colmap_path_may_be_its_cameras_file(tmp_path, camera):
-    write_camera(camera, tmp_path / "cameras.txt", "colmap")
-    assert Path(tmp_path / "images.txt").is_file()
-    np.testing.assert_allclose(read_camera(tmp_path).t, camera.t)

@@ -66,7 +66,7 @@ def test_the_inliers_of_a_calibration(tmp_path, name):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"inlier": None}, "column 'inlier' is missing; .*found frame, foot_u, foot_v"),
+        ({"inlier": None}, "column 'inlier' is missing; .*found 'frame, foot_u, foot_v'"),
         ({"foot_u": None}, "column 'foot_u' is missing"),
         ({"inlier": np.zeros(3, bool)}, "none of its people is an inlier"),
         ({"inlier": np.ones(3)}, "column 'inlier': expected true or false, found float64"),

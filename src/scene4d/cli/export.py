@@ -121,7 +121,6 @@ def _export_scene(scene: Path, to: str, out: Path, run: str | None, anchor: list
             f"{to!r} is no format of scenes; known: {', '.join(known)}", param_hint="--to"
         )
     points = [_parse_anchor(text) for text in anchor]
-    out.parent.mkdir(parents=True, exist_ok=True)
     files = export_scene(scene, out, to, run=run, anchor=points)
     return _written(to, known[to], files)
 

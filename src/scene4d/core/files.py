@@ -1,12 +1,16 @@
 """Reading and writing files so that errors name them and nothing is ever half-written."""
 
+import errno
 import json
 import os
 import secrets
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
-from scene4d.core.errors import InputError, OutputError
+from scene4d.core.errors import InputError
+from scene4d.core.staging import install, naming
 from scene4d.core.text import quoted
 
 
@@ -43,20 +47,52 @@ def write_json(path: str | os.PathLike[str], values: dict[str, Any]) -> None:
 def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
     """Write a file atomically; the previous one survives any failure.
 
-    Raises :class:`OutputError` (read-only folder, full disk, missing folder).
+    Raises :class:`~scene4d.core.errors.OutputError` (read-only folder, full disk, missing folder).
     """
-    path = Path(path)
-    temporary: Path | None = None
-    try:
-        beside = path.parent / f".{path.name[:100]}.{secrets.token_hex(6)}"
-        with beside.open("xb") as file:  # made with the user's own permissions
-            temporary = beside
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written: {error.strerror}") from error
-    finally:
-        if temporary is not None:
-            temporary.unlink(missing_ok=True)
+    replace_files({"": Path(path)}, [("", content)])
+
+
+def replace_files(
+    paths: Mapping[str, Path], contents: Iterable[tuple[str, bytes]], *, parents: bool = False
+) -> None:
+    """Write all of these files, or none: each piece of ``contents`` follows in the file of its key.
+
+    They are written beside their targets and moved into place once all are whole, so that whatever
+    fails, in ``contents`` too, leaves every target as it was. ``parents`` makes missing folders.
+    Raises :class:`~scene4d.core.errors.OutputError` naming the file.
+    """
+    with ExitStack() as stack:
+        files = {key: _beside(path, stack, parents=parents) for key, path in paths.items()}
+        for key, content in contents:
+            with naming(paths[key]):
+                files[key].write(content)
+        for key, file in files.items():
+            with naming(paths[key]):
+                file.close()
+        install({Path(file.name): paths[key] for key, file in files.items()})
+
+
+def _beside(path: Path, stack: ExitStack, *, parents: bool) -> IO[bytes]:
+    """A new file beside ``path``; ``stack`` removes it, and the folders that were made for it."""
+    with naming(path):
+        for folder in reversed((path.parent, *path.parent.parents) if parents else ()):
+            if not folder.exists():
+                folder.mkdir()
+                stack.callback(_remove_empty, folder)
+        if path.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        temporary = path.parent / f".{path.name[:100]}.{secrets.token_hex(6)}"
+        file = temporary.open("xb")  # made with the user's own permissions
+    stack.callback(_discard, file)
+    return file
+
+
+def _discard(file: IO[bytes]) -> None:
+    with suppress(OSError):  # a full disk fails once more here, and has been told
+        file.close()
+    Path(file.name).unlink(missing_ok=True)
+
+
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):  # it is not empty: the files are in place
+        folder.rmdir()

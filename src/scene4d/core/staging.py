@@ -54,13 +54,13 @@ def install(target_of: dict[Path, Path]) -> None:
     parent exists. Raises :class:`OutputError` naming the target.
     """
     for new, target in target_of.items():
-        with _naming(target):
+        with naming(target):
             _check(target)
             _flush(new)
     moved: dict[Path, Path | None] = {}
     try:
         for new, target in target_of.items():
-            with _naming(target):
+            with naming(target):
                 moved[target] = _kept(target, new.with_name(f"{new.name}.before"))
                 new.replace(target)
     except BaseException:
@@ -101,11 +101,15 @@ def _move_back(target: Path, before: Path | None) -> None:
     if before is None:
         target.unlink(missing_ok=True)
     elif before.exists():
-        before.replace(target)
+        # Renaming one name of a file to another name of the same file would leave both.
+        if not (target.exists() and before.samefile(target)):
+            before.replace(target)
+        before.unlink(missing_ok=True)
 
 
 @contextmanager
-def _naming(target: Path) -> Iterator[None]:
+def naming(target: Path) -> Iterator[None]:
+    """Failures of the system become an :class:`OutputError` that names the target."""
     try:
         yield
     except OSError as error:

@@ -12,22 +12,18 @@ tilt 21°); that of scene 0100 fits no camera, so it serves as a map alone.
 
 import json
 import os
-import re
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.ground_map import GroundMap
-from scene4d.core.text import floats, head_text, prefixed, read_text
+from scene4d.core.text import head_text, prefixed
 from scene4d.formats.cameras import camera_formats, read_camera
+from scene4d.formats.choosing import names, recognised
+from scene4d.formats.numbers import all_numbers, flat, is_json, matrix_fields, read_matrix, words
 
-_SEPARATORS = re.compile(r"[\s,;]+")
-_NUMBERS = 9
 _LARGEST = 1 << 16
 """Bytes; nine numbers and their comments take far less."""
 _OF_A_CAMERA = frozenset(
@@ -45,37 +41,12 @@ def read_ground_map(path: str | os.PathLike[str], *, image_size: tuple[int, int]
     """
     path = Path(path)
     try:
-        return GroundMap(image_size, _matrix(read_text(path)))
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            return GroundMap(image_size, read_matrix(path, 3, 3, "homography"))
     except InputError as error:
         raise prefixed(error, path) from error
-
-
-def looks_like_homography(path: str | os.PathLike[str]) -> bool:
-    """Whether a file holds nine numbers and nothing else, or JSON with one 3x3 list.
-
-    Raises :class:`InputError` where the file cannot be read.
-    """
-    path = Path(path)
-    try:
-        text = head_text(path, _LARGEST)
-    except InputError as error:
-        raise prefixed(error, path) from error
-    if _is_json(text):
-        try:
-            values = json.loads(text)
-        except (ValueError, RecursionError):
-            return False
-        if isinstance(values, dict):
-            return not _OF_A_CAMERA.intersection(map(str.casefold, values)) and (
-                len(_square_fields(values)) == 1
-                or any("homography" in name.casefold() for name in values)
-            )
-        return len(_flat(values)) == _NUMBERS
-    tokens = [token for _, token in _tokens(text)]
-    try:
-        return len([float(token) for token in tokens]) == _NUMBERS
-    except ValueError:
-        return False
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise InputError(f"{path}: its numbers are too large or too small for a map") from error
 
 
 def read_reference(
@@ -88,19 +59,20 @@ def read_reference(
     :func:`~scene4d.formats.cameras.read_camera`.
     """
     path = Path(path)
-    if looks_like_homography(path):
+    try:
+        head = head_text(path, _LARGEST)
+    except InputError as error:
+        raise prefixed(error, path) from error
+    if _looks_like_homography(head):
         if image_size is None:
             raise InputError(
-                f"{path}: a homography carries no image size; give that of its images "
-                "(--image-size WxH)"
+                f"{path}: a homography carries no image size; give image_size, that of its images"
             )
         return read_ground_map(path, image_size=image_size)
-    head = head_text(path)
-    if head.strip() and not any(known.sniff(path, head) for known in camera_formats()):
-        names = ", ".join(known.name for known in camera_formats())
+    if head.strip() and recognised(camera_formats(), path, head) is None:
         raise InputError(
-            f"{path}: is neither a camera file (known: {names}) nor a homography (the nine numbers "
-            "of a 3x3 matrix, pixels to metres, as text or JSON)"
+            f"{path}: is neither a camera file (known: {names(camera_formats())}) nor a homography "
+            "(the nine numbers of a 3x3 matrix, pixels to metres, as text or JSON)"
         )
     camera = read_camera(path, image_size=image_size)
     if not isinstance(camera, Camera):
@@ -108,66 +80,18 @@ def read_reference(
     return camera
 
 
-def _matrix(text: str) -> Float[np.ndarray, "3 3"]:
-    if _is_json(text):
-        return _json_matrix(text)
-    tokens = _tokens(text)
-    values = np.array([floats([token], f"line {n}")[0] for n, token in tokens])
-    if len(values) != _NUMBERS:
-        line = tokens[min(_NUMBERS, len(tokens) - 1)][0] if tokens else 1
-        raise InputError(
-            f"line {line}: expected the 9 numbers of a 3x3 homography, found {len(values)}"
-        )
-    return values.reshape(3, 3)
-
-
-def _json_matrix(text: str) -> Float[np.ndarray, "3 3"]:
+def _looks_like_homography(text: str) -> bool:
+    """Whether it holds nine numbers and nothing else, or JSON with one 3x3 list."""
+    if not is_json(text):
+        tokens = [word for _, word in words(text)]
+        return len(tokens) == 9 and all_numbers(tokens)
     try:
         values = json.loads(text)
-    except ValueError as error:
-        line = getattr(error, "lineno", 1)
-        raise InputError(f"line {line}: is not JSON: {error}") from error
-    except RecursionError as error:
-        raise InputError(f"is not JSON: {error}") from error
-    where = "homography"
-    if isinstance(values, dict):
-        fields = _square_fields(values)
-        if len(fields) != 1:
-            found = ", ".join(map(repr, fields)) or "none"
-            raise InputError(f"expected one field that is a 3x3 list of numbers, found {found}")
-        where, values = f"field {fields[0]!r}", values[fields[0]]
-    found_values = floats(_flat(values), where)
-    if len(found_values) != _NUMBERS:
-        raise InputError(f"{where}: expected a 3x3 list of numbers, found {len(found_values)}")
-    return found_values.reshape(3, 3)
-
-
-def _is_json(text: str) -> bool:
-    return text.lstrip()[:1] in ("[", "{")
-
-
-def _tokens(text: str) -> list[tuple[int, str]]:
-    """Every word with its line."""
-    return [
-        (number, token)
-        for number, line in enumerate(text.splitlines(), start=1)
-        for token in _SEPARATORS.split(line.partition("#")[0])
-        if token
-    ]
-
-
-def _flat(value: Any) -> list[object]:
-    """The entries of a list of lists (or of a plain list), row by row."""
-    out: list[object] = []
-    for row in value if isinstance(value, list) else []:
-        out.extend(row if isinstance(row, list) else [row])
-    return out
-
-
-def _square_fields(values: Mapping[str, Any]) -> list[str]:
-    return [
-        name
-        for name, value in values.items()
-        if isinstance(value, list)
-        and [len(row) if isinstance(row, list) else 0 for row in value] == [3, 3, 3]
-    ]
+    except (ValueError, RecursionError):
+        return False
+    if not isinstance(values, dict):
+        return len(flat(values)) == 9
+    return not _OF_A_CAMERA.intersection(map(str.casefold, values)) and (
+        len(matrix_fields(values, 3, 3)) == 1
+        or any("homography" in name.casefold() for name in values)
+    )

@@ -15,9 +15,10 @@ from jaxtyping import Bool, Float
 
 from scene4d.core.errors import InputError
 from scene4d.core.tables import read_table
-from scene4d.core.text import head_text, prefixed, read_text
+from scene4d.core.text import head_text, prefixed, quoted, read_text
 from scene4d.formats.annotations import annotation_formats, read_annotations
-from scene4d.formats.annotations.boxes import numeric_table
+from scene4d.formats.choosing import names, recognised
+from scene4d.formats.numbers import is_number, numeric_table
 
 _SEPARATORS = re.compile(r"\s*[,;]\s*|\s+")
 _NEEDED = ("foot_u", "foot_v", "inlier")
@@ -40,11 +41,11 @@ def read_points(
             return _inlier_feet(path, image_size)
         if _has_two_columns(head):
             return _listed(path, image_size)
-        if not any(known.sniff(path, head) for known in annotation_formats()):
+        if recognised(annotation_formats(), path, head) is None:
             raise InputError(
                 "holds no ground points; expected two columns u v (a header u,v may stand first), "
                 "the people.parquet of a calibration, or annotated boxes of a known format "
-                f"({', '.join(known.name for known in annotation_formats())})"
+                f"({names(annotation_formats())})"
             )
         return _annotated_feet(path, image_size)
     except InputError as error:
@@ -66,15 +67,7 @@ def _is_header(words: list[str]) -> bool:
 
 def _has_two_columns(head: str) -> bool:
     _, words = _first_row(head)
-    return len(words) == 2 and (_is_header(words) or any(map(_is_number, words)))
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+    return len(words) == 2 and (_is_header(words) or any(map(is_number, words)))
 
 
 def _listed(path: Path, image_size: tuple[int, int]) -> Float[np.ndarray, "n 2"]:
@@ -96,7 +89,7 @@ def _inlier_feet(path: Path, image_size: tuple[int, int]) -> Float[np.ndarray, "
     if missing:
         raise InputError(
             f"column {missing[0]!r} is missing; expected {', '.join(_NEEDED)} as in the "
-            f"people.parquet of a calibration, found {', '.join(table)}"
+            f"people.parquet of a calibration, found {quoted(', '.join(table))}"
         )
     for name, kinds in zip(_NEEDED, ("fiu", "fiu", "b"), strict=True):
         if table[name].dtype.kind not in kinds:

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from scene4d.core.errors import InputError
-from scene4d.core.text import prefixed, read_text
+from scene4d.core.text import prefixed, quoted, read_text
+from scene4d.formats.yaml_text import load_yaml
 
 
 @dataclass(frozen=True)
@@ -48,20 +47,20 @@ def read_activities(path: str | os.PathLike[str]) -> tuple[LabelledActivity, ...
 
 def _packet(line: str, number: int) -> dict[str, Any]:
     try:
-        packets = yaml.load(line, Loader=yaml.CSafeLoader)
-    except (yaml.YAMLError, ValueError, RecursionError):
+        packets = load_yaml(line)
+    except InputError:
         packets = None
     if not (isinstance(packets, list) and len(packets) == 1 and isinstance(packets[0], dict)):
-        raise InputError(f"line {number}: expected one KPF packet, found {line.strip()[:60]!r}")
+        raise InputError(f"line {number}: expected one KPF packet, found {quoted(line.strip())}")
     return packets[0]
 
 
 def _activity(act: Any, where: str) -> LabelledActivity:
     if not isinstance(act, dict):
-        raise InputError(f"{where}: field 'act' must hold an activity, found {act!r:.60}")
+        raise InputError(f"{where}: field 'act' must hold an activity, found {quoted(act)}")
     actors = act.get("actors", [])
     if not isinstance(actors, list):
-        raise InputError(f"{where}: field 'actors' must be a list, found {actors!r:.60}")
+        raise InputError(f"{where}: field 'actors' must be a list, found {quoted(actors)}")
     begin, end = _frames(act.get("timespan"), where)
     return LabelledActivity(
         _name(act.get("act2"), where), begin, end, tuple(_track(one, where) for one in actors)
@@ -75,7 +74,7 @@ def _name(names: Any, where: str) -> str:
         and all(isinstance(k, str) and _is_number(v) for k, v in names.items())
     ):
         raise InputError(
-            f"{where}: field 'act2' must hold names with probabilities, found {names!r:.60}"
+            f"{where}: field 'act2' must hold names with probabilities, found {quoted(names)}"
         )
     return str(max(names, key=lambda name: names[name]))
 
@@ -90,7 +89,7 @@ def _frames(spans: Any, where: str) -> tuple[int, int]:
     if not good or not all(type(frame) is int and frame >= 0 for frame in frames):
         raise InputError(
             f"{where}: field 'timespan' must hold 'tsr0': [first frame, last frame], "
-            f"found {spans!r:.60}"
+            f"found {quoted(spans)}"
         )
     return min(frames), max(frames)
 
@@ -98,7 +97,7 @@ def _frames(spans: Any, where: str) -> tuple[int, int]:
 def _track(actor: Any, where: str) -> int:
     track = actor.get("id1") if isinstance(actor, dict) else None
     if type(track) is not int or track < 0:
-        raise InputError(f"{where}: field 'id1' of an actor must be a track, found {actor!r:.60}")
+        raise InputError(f"{where}: field 'id1' of an actor must be a track, found {quoted(actor)}")
     return track
 
 

@@ -12,16 +12,16 @@ import numpy as np
 
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
-from scene4d.core.text import read_text
-from scene4d.formats.annotations.boxes import Rows
-from scene4d.formats.annotations.contract import AnnotationFormat
+from scene4d.core.text import floats, quoted, read_text
+from scene4d.formats.annotations.contract import AnnotationFormat, Rows
+from scene4d.formats.numbers import all_numbers
 
 _PACKET = re.compile(r"""^\s*-\s*\{\s*['"]?(\w+)['"]?\s*:""")
 _TRACK = re.compile(r"""\bid1['"]?\s*:\s*['"]?(\d{1,18})\b""")
 _FRAME = re.compile(r"""\bts0['"]?\s*:\s*['"]?(\d{1,18})\b""")
 _BOX = re.compile(r"""\bg0['"]?\s*:\s*['"]?\s*([^'",}]*)""")
 _CLASSES = re.compile(r"""\bcset3['"]?\s*:\s*\{([^}]*)\}""")
-_CLASS = re.compile(r"""([\w-]+)['"]?\s*:\s*([\d.eE+-]+)""")
+_CLASS = re.compile(r"""([\w-]+)['"]?\s*:\s*([^,\s]+)""")
 _GEOM, _TYPES = ".geom.yml", ".types.yml"
 
 
@@ -37,7 +37,9 @@ def _packets(text: str, kind: str) -> list[tuple[int, str]]:
             continue
         packet = _PACKET.match(line)
         if packet is None:
-            raise InputError(f"line {number}: expected one KPF packet, found {line.strip()[:60]!r}")
+            raise InputError(
+                f"line {number}: expected one KPF packet, found {quoted(line.strip())}"
+            )
         if packet[1] == kind:
             found.append((number, line))
     return found
@@ -51,57 +53,47 @@ def _match(pattern: re.Pattern[str], field: str, number: int, line: str) -> str:
 
 
 def _types(path: Path) -> dict[int, str]:
+    """The most probable class of each track."""
     if not path.is_file():
         raise InputError(f"the classes of its tracks are missing: expected {path.name} beside it")
-    names = {}
+    classes = {}
     for number, line in _packets(read_text(path), "types"):
-        scores = _CLASS.findall(_match(_CLASSES, "cset3", number, line))
-        if not scores:
-            raise InputError(f"{path.name} line {number}: no class in 'cset3'")
-        track = int(_match(_TRACK, "id1", number, line))
-        names[track] = max(scores, key=lambda pair: float(pair[1]))[0]
-    return names
+        found = _CLASS.findall(_match(_CLASSES, "cset3", number, line))
+        where = f"{path.name} line {number}"
+        if not found:
+            raise InputError(f"{where}: no class in 'cset3'")
+        names, scores = zip(*found, strict=True)
+        best = int(np.argmax(floats(scores, f"{where}: field 'cset3'")))
+        classes[int(_match(_TRACK, "id1", number, line))] = names[best]
+    return classes
 
 
-def _corners(packets: list[tuple[int, str]]) -> np.ndarray:
-    texts = [_match(_BOX, "g0", number, line) for number, line in packets]
-    rows = [text.split() for text in texts]
-    try:
-        return np.array(rows, dtype=float).reshape(len(rows), 4)
-    except ValueError as error:
-        for (number, _), row in zip(packets, rows, strict=True):
-            try:
-                np.array(row, dtype=float).reshape(4)
-            except ValueError:
-                raise InputError(
-                    f"line {number}: field 'g0' must be four numbers x1 y1 x2 y2, "
-                    f"found {' '.join(row)!r}"
-                ) from error
-        raise
+def _corners(text: str, where: str) -> np.ndarray:
+    corners = text.split()
+    if len(corners) != 4 or not all_numbers(corners):
+        raise InputError(
+            f"{where}: field 'g0' must be four numbers x1 y1 x2 y2, found {quoted(text)}"
+        )
+    return np.array(corners, dtype=float)
 
 
 def _read(path: Path, image_size: tuple[int, int]) -> Rows:
     packets = _packets(read_text(path), "geom")
     names = _types(path.with_name(path.name.removesuffix(_GEOM) + _TYPES))
-    track = np.array([int(_match(_TRACK, "id1", *p)) for p in packets], dtype=np.int64)
-    unknown = [i for i, t in enumerate(track.tolist()) if t not in names]
-    if unknown:
-        number = packets[unknown[0]][0]
-        raise InputError(f"line {number}: track {track[unknown[0]]} has no class in the types file")
+    where = [f"line {number}" for number, _ in packets]
+    boxes = [_corners(_match(_BOX, "g0", *p), at) for p, at in zip(packets, where, strict=True)]
+    track = [int(_match(_TRACK, "id1", *p)) for p in packets]
+    unknown = next((i for i, t in enumerate(track) if t not in names), None)
+    if unknown is not None:
+        raise InputError(f"{where[unknown]}: track {track[unknown]} has no class in the types file")
     found = Detections.from_boxes(
         image_size,
         np.array([int(_match(_FRAME, "ts0", *p)) for p in packets], dtype=np.int64),
-        _corners(packets),
-        track=track,
-        class_name=np.array([names[t] for t in track.tolist()], dtype=str),
+        np.array(boxes).reshape(-1, 4),
+        track=np.array(track, dtype=np.int64),
+        class_name=np.array([names[t] for t in track], dtype=str),
     )
-    return Rows(found, lambda i: f"line {packets[i][0]}")
+    return Rows(found, where)
 
 
-FORMAT = AnnotationFormat(
-    name="kpf",
-    description="KPF geom.yml with types.yml (MEVA)",
-    patterns=("*.geom.yml",),
-    sniff=_sniff,
-    read=_read,
-)
+FORMAT = AnnotationFormat("kpf", "KPF geom.yml with types.yml (MEVA)", _sniff, _read)

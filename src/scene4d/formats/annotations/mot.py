@@ -15,8 +15,8 @@ import numpy as np
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.text import read_text
-from scene4d.formats.annotations.boxes import Rows, numeric_table, whole
-from scene4d.formats.annotations.contract import AnnotationFormat
+from scene4d.formats.annotations.contract import AnnotationFormat, Rows
+from scene4d.formats.numbers import numeric_table, whole
 
 # Milan et al. (2016), MOT16, table of classes; the first ones under the names of COCO.
 _CLASSES = (
@@ -50,7 +50,7 @@ def _read(path: Path, image_size: tuple[int, int]) -> Rows:
         considered = table[:, 6] != 0
         table, lines = table[considered], lines[considered]
     where = [f"line {n}" for n in lines]
-    frame = whole(table[:, 0], "the frame number", where.__getitem__)
+    frame = whole(table[:, 0], "the frame number", where)
     if (frame < 1).any():
         first = int(np.argmax(frame < 1))
         raise InputError(f"{where[first]}: frames count from 1, found {frame[first]}")
@@ -60,22 +60,16 @@ def _read(path: Path, image_size: tuple[int, int]) -> Rows:
         raise InputError(f"{where[int(np.argmin(np.isfinite(score)))]}: confidence is not finite")
     names = None
     if columns == 9:
-        names = _class_names(whole(table[:, 7], "the class", where.__getitem__), where)
+        names = _class_names(whole(table[:, 7], "the class", where), where)
     found = Detections.from_boxes(
         image_size,
         frame - 1,
         np.hstack([corner, corner + table[:, 4:6]]),
         score=score,
-        track=np.maximum(whole(table[:, 1], "the id", where.__getitem__), -1),
+        track=np.maximum(whole(table[:, 1], "the id", where), -1),
         class_name=names,
     )
-    return Rows(found, where.__getitem__)
+    return Rows(found, where)
 
 
-FORMAT = AnnotationFormat(
-    name="mot",
-    description="MOTChallenge text",
-    patterns=("*.txt", "*.csv"),
-    sniff=_sniff,
-    read=_read,
-)
+FORMAT = AnnotationFormat("mot", "MOTChallenge text", _sniff, _read)

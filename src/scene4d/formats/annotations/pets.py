@@ -1,9 +1,11 @@
 """PETS XML (CVML): frames from 0, boxes as centre and size in pixels, one id per track."""
 
+import io
 from pathlib import Path
 from typing import Any
 from xml.sax import SAXParseException
 from xml.sax.handler import ContentHandler
+from xml.sax.xmlreader import InputSource
 
 import defusedxml.sax
 import numpy as np
@@ -11,9 +13,8 @@ from defusedxml.common import DefusedXmlException
 
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
-from scene4d.core.text import read_text
-from scene4d.formats.annotations.boxes import Rows
-from scene4d.formats.annotations.contract import AnnotationFormat
+from scene4d.core.text import quoted, read_text
+from scene4d.formats.annotations.contract import AnnotationFormat, Rows
 
 _BOX = ("xc", "yc", "w", "h")
 
@@ -26,10 +27,10 @@ class _Boxes(ContentHandler):
         self.frame: int | None = None
         self.track = -1
         self.rows: list[tuple[int, int, list[float]]] = []
-        self.lines: list[int] = []
+        self.where: list[str] = []
 
-    def _line(self) -> int:
-        return int(self._locator.getLineNumber())  # type: ignore[attr-defined]
+    def _where(self) -> str:
+        return f"line {self._locator.getLineNumber()}"  # type: ignore[attr-defined]
 
     def _number(self, name: str, attributes: Any, key: str, kind: type) -> Any:
         text = attributes.get(key)
@@ -37,7 +38,7 @@ class _Boxes(ContentHandler):
             return np.int64(text) if kind is int else float(text)
         except (TypeError, ValueError, OverflowError) as error:
             raise InputError(
-                f"line {self._line()}: <{name}> needs a number {key}=, found {text!r}"
+                f"{self._where()}: <{name}> needs a number {key}=, found {quoted(text)}"
             ) from error
 
     def startElement(self, name: str, attrs: Any) -> None:
@@ -47,10 +48,10 @@ class _Boxes(ContentHandler):
             self.track = self._number(name, attrs, "id", int)
         elif name == "box":
             if self.frame is None:
-                raise InputError(f"line {self._line()}: <box> outside any <frame>")
+                raise InputError(f"{self._where()}: <box> outside any <frame>")
             box = [self._number(name, attrs, key, float) for key in _BOX]
             self.rows.append((self.frame, self.track, box))
-            self.lines.append(self._line())
+            self.where.append(self._where())
 
 
 def _sniff(path: Path, head: str) -> bool:
@@ -60,7 +61,11 @@ def _sniff(path: Path, head: str) -> bool:
 def _read(path: Path, image_size: tuple[int, int]) -> Rows:
     handler = _Boxes()
     try:
-        defusedxml.sax.parseString(read_text(path).encode(), handler)
+        parser = defusedxml.sax.make_parser()
+        parser.setContentHandler(handler)
+        source = InputSource()  # of text, so that the encoding it declares is of no account
+        source.setCharacterStream(io.StringIO(read_text(path)))
+        parser.parse(source)
     except SAXParseException as error:
         raise InputError(
             f"line {error.getLineNumber()}: is not well-formed XML: {error.getMessage()}"
@@ -75,13 +80,7 @@ def _read(path: Path, image_size: tuple[int, int]) -> Rows:
         np.hstack([centre - half, centre + half]),
         track=np.array([row[1] for row in handler.rows], dtype=np.int64),
     )
-    return Rows(found, lambda i: f"line {handler.lines[i]}")
+    return Rows(found, handler.where)
 
 
-FORMAT = AnnotationFormat(
-    name="pets",
-    description="PETS XML",
-    patterns=("*.xml",),
-    sniff=_sniff,
-    read=_read,
-)
+FORMAT = AnnotationFormat("pets", "PETS XML", _sniff, _read)

@@ -10,10 +10,10 @@ import numpy as np
 
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
-from scene4d.core.text import head_text, prefixed
-from scene4d.formats.annotations import coco, kpf, mot, pets, towncentre, virat
-from scene4d.formats.annotations.boxes import first_fault
-from scene4d.formats.annotations.contract import AnnotationFormat
+from scene4d.core.text import prefixed
+from scene4d.formats.annotations import coco, kitti, kpf, mot, pets, towncentre, virat
+from scene4d.formats.annotations.contract import AnnotationFormat, Rows, first_fault
+from scene4d.formats.choosing import by_name, detected
 
 # The first whose sniff agrees reads the file, so the specific stand before the general.
 _FORMATS: tuple[AnnotationFormat, ...] = (
@@ -23,35 +23,17 @@ _FORMATS: tuple[AnnotationFormat, ...] = (
     towncentre.CSV,
     towncentre.TOP,
     virat.FORMAT,
+    kitti.FORMAT,
     mot.FORMAT,
 )
+_MOST_INVALID = 0.25
+"""Share of impossible boxes above which they are not left out but the file is refused. Chosen: a
+tracker's output has some (2 of 541 in one of the data sets here), another image's size half."""
 
 
 def annotation_formats() -> tuple[AnnotationFormat, ...]:
     """Every format, in the order in which a file is tried."""
     return _FORMATS
-
-
-def _choose(path: Path, name: str | None) -> AnnotationFormat:
-    known = ", ".join(f.name for f in _FORMATS)
-    if name is not None:
-        for candidate in _FORMATS:
-            if candidate.name == name:
-                return candidate
-        raise InputError(f"annotation format {name!r} is unknown; known: {known}")
-    head = head_text(path)
-    if path.is_dir():
-        raise InputError("is a folder; expected an annotation file")
-    if not head.strip():
-        raise InputError("the file is empty")
-    for candidate in _FORMATS:
-        if candidate.sniff(path, head):
-            return candidate
-    raise InputError(f"no annotation format recognises this file; name the format, one of {known}")
-
-
-_MOST_INVALID = 0.25
-"""Share of impossible boxes above which they are not left out but the file is refused."""
 
 
 def read_annotations(
@@ -66,20 +48,21 @@ def read_annotations(
     """Boxes (and keypoints) of an annotation file of any known format.
 
     ``image_size`` (width, height) is that of the footage. Frames count from 0, whatever the file
-    does; ``time_s`` is ``frame / fps``, or NaN where ``fps`` is not given; ``classes`` keeps only
-    these class names. Raises :class:`InputError` naming the file and the line (the entry, in
-    JSON) of what cannot be parsed, and of boxes that are not finite, empty, swapped or wholly
-    outside the image; with ``drop_invalid`` such boxes are left out with a warning that says how
-    many. Boxes that the border cuts are kept.
+    does; ``time_s`` is ``frame / fps``, or NaN where ``fps`` is not given; ``format`` names the
+    format instead of detecting it; ``classes`` keeps only these class names. Raises
+    :class:`InputError` naming the file and the line (the entry, in JSON) of what cannot be parsed,
+    and of boxes that are not finite, empty, swapped or wholly outside the image, or in a frame
+    that no recording has; with ``drop_invalid`` such boxes are left out with a warning that says
+    how many. Boxes that the border cuts are kept.
     """
     path = Path(path)
     if fps is not None and not (np.isfinite(fps) and fps > 0):
         raise InputError(f"fps must be positive, found {fps}")
     try:
-        rows = _choose(path, format).read(path, image_size)
+        rows = _rows(path, image_size, format)
         good, fault = first_fault(rows)
         if fault is not None and not drop_invalid:
-            raise InputError(f"{fault} (--drop-invalid leaves such boxes out)")
+            raise InputError(f"{fault} (drop_invalid leaves such boxes out)")
         bad = len(good) - int(good.sum())
         if bad > _MOST_INVALID * len(good):
             raise InputError(
@@ -96,3 +79,14 @@ def read_annotations(
     if fps is not None:
         found = replace(found, time_s=found.frame / fps)
     return found if classes is None else found.select(np.isin(found.class_name, list(classes)))
+
+
+def _rows(path: Path, image_size: tuple[int, int], name: str | None) -> Rows:
+    if path.is_dir():
+        raise InputError("is a folder; expected an annotation file")
+    if name is not None:
+        chosen = by_name(_FORMATS, name, "annotation")
+    else:
+        chosen = detected(_FORMATS, path, "annotation")
+    with np.errstate(over="ignore"):  # what is not finite then is told by its row
+        return chosen.read(path, image_size)

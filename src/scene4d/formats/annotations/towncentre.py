@@ -12,8 +12,8 @@ import numpy as np
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.text import read_text
-from scene4d.formats.annotations.boxes import Rows, numeric_table, whole
-from scene4d.formats.annotations.contract import AnnotationFormat
+from scene4d.formats.annotations.contract import AnnotationFormat, Rows
+from scene4d.formats.numbers import numeric_table, whole
 
 FULL, HALF = (1920, 1080), (960, 540)
 _ASPECT_TOLERANCE = 0.01
@@ -42,11 +42,11 @@ def _read_csv(path: Path, image_size: tuple[int, int]) -> Rows:
     box = np.hstack([table[:, 2:4], table[:, 2:4] + table[:, 4:6]])
     found = Detections.from_boxes(
         image_size,
-        whole(table[:, 0], "the frame number", where.__getitem__),
+        whole(table[:, 0], "the frame number", where),
         _scaled(box, HALF, image_size),
-        track=whole(table[:, 1], "the person number", where.__getitem__),
+        track=whole(table[:, 1], "the person number", where),
     )
-    return Rows(found, where.__getitem__)
+    return Rows(found, where)
 
 
 def _sniff_top(path: Path, head: str) -> bool:
@@ -64,24 +64,14 @@ def _read_top(path: Path, image_size: tuple[int, int]) -> Rows:
     table, where = table[valid], [f"line {n}" for n in lines[valid]]
     found = Detections.from_boxes(
         image_size,
-        whole(table[:, 1], "the frame number", where.__getitem__),
+        whole(table[:, 1], "the frame number", where),
         _scaled(table[:, _BODY], FULL, image_size),
-        track=whole(table[:, 0], "the person number", where.__getitem__),
+        track=whole(table[:, 0], "the person number", where),
     )
-    return Rows(found, where.__getitem__)
+    return Rows(found, where)
 
 
 CSV = AnnotationFormat(
-    name="towncentre-csv",
-    description="TownCentreGTHalfRes.csv (half resolution)",
-    patterns=("*HalfRes*.csv",),
-    sniff=_sniff_csv,
-    read=_read_csv,
+    "towncentre-csv", "TownCentreGTHalfRes.csv (half resolution)", _sniff_csv, _read_csv
 )
-TOP = AnnotationFormat(
-    name="towncentre-top",
-    description="TownCentre-groundtruth.top",
-    patterns=("*.top",),
-    sniff=_sniff_top,
-    read=_read_top,
-)
+TOP = AnnotationFormat("towncentre-top", "TownCentre-groundtruth.top", _sniff_top, _read_top)

@@ -17,9 +17,9 @@ import numpy as np
 
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
-from scene4d.core.text import read_text
-from scene4d.formats.annotations.boxes import Rows, numeric_table, whole
-from scene4d.formats.annotations.contract import AnnotationFormat
+from scene4d.core.text import quoted, read_text
+from scene4d.formats.annotations.contract import AnnotationFormat, Rows
+from scene4d.formats.numbers import numeric_table, whole
 
 _SUFFIX = ".viratdata.objects.txt"
 _CLASSES = ("unknown", "person", "car", "vehicle", "object", "bicycle")
@@ -42,7 +42,9 @@ def _check_layout(path: Path, text: str) -> None:
         if not row.strip():
             continue
         if "," in row or ";" in row:
-            raise InputError(f"line {number}: expected columns separated by blanks, found {row!r}")
+            raise InputError(
+                f"line {number}: expected columns separated by blanks, found {quoted(row)}"
+            )
         if len(row.split()) != _COLUMNS:
             raise InputError(
                 f"line {number}: expected {_COLUMNS} columns (id, duration, frame, left, top, "
@@ -56,7 +58,7 @@ def _read(path: Path, image_size: tuple[int, int]) -> Rows:
     _check_layout(path, text)
     table, lines = numeric_table(text, _COLUMNS)
     where = [f"line {n}" for n in lines]
-    kind = whole(table[:, 7], "the type", where.__getitem__)
+    kind = whole(table[:, 7], "the type", where)
     bad = (kind < 0) | (kind >= len(_CLASSES))
     if bad.any():
         first = int(np.argmax(bad))
@@ -66,18 +68,12 @@ def _read(path: Path, image_size: tuple[int, int]) -> Rows:
     corner = table[:, 3:5]
     found = Detections.from_boxes(
         image_size,
-        whole(table[:, 2], "the frame number", where.__getitem__),
+        whole(table[:, 2], "the frame number", where),
         np.hstack([corner, corner + table[:, 5:7]]),
-        track=whole(table[:, 0], "the object id", where.__getitem__),
+        track=whole(table[:, 0], "the object id", where),
         class_name=np.array(_CLASSES)[kind],
     )
-    return Rows(found, where.__getitem__)
+    return Rows(found, where)
 
 
-FORMAT = AnnotationFormat(
-    name="virat",
-    description="VIRAT release 2.0 viratdata.objects.txt",
-    patterns=(f"*{_SUFFIX}",),
-    sniff=_sniff,
-    read=_read,
-)
+FORMAT = AnnotationFormat("virat", "VIRAT release 2.0 viratdata.objects.txt", _sniff, _read)

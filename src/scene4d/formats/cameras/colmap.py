@@ -1,20 +1,25 @@
-"""COLMAP's text model: a folder with ``cameras.txt`` and ``images.txt``.
+"""COLMAP's text model: a folder with ``cameras.txt`` and ``images.txt``, or ``frames.txt``.
 
 The centre of COLMAP's first pixel is (0.5, 0.5), ours is (0, 0): principal points shift by half
 a pixel. Poses are cam_from_world, quaternions (w, x, y, z); COLMAP's world has no units of its
 own, it must be metres with Z up. A folder without images is a lens.
+
+Since version 3.12 a pose is that of a rig: ``frames.txt`` has rig_from_world, ``rigs.txt``
+sensor_from_rig, and they count where both files list any; the poses of ``images.txt`` repeat them.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from scene4d.core import geometry
 from scene4d.core.camera import Camera, Lens
 from scene4d.core.errors import InputError
-from scene4d.core.text import decimal, floats, read_text
+from scene4d.core.text import decimal, floats, quoted, read_text
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
-from scene4d.formats.cameras.pinhole import five_coefficients
+from scene4d.formats.cameras.pinhole import five_coefficients, rotation_of_quaternion
 
 # Of each model the positions of fx, fy, cx, cy among its parameters, and how many it has; what
 # follows cy are distortion coefficients in OpenCV's order. After COLMAP's documentation of models.
@@ -27,6 +32,15 @@ _MODELS: dict[str, tuple[tuple[int, int, int, int], int]] = {
     "FULL_OPENCV": ((0, 1, 2, 3), 12),
 }
 _HALF_PIXEL = 0.5
+_POSE = 7  # numbers: QW QX QY QZ TX TY TZ
+
+
+class _Posed(NamedTuple):
+    """An image's camera, and cam_from_world."""
+
+    camera: str
+    R: np.ndarray
+    t: np.ndarray
 
 
 def _folder(path: Path) -> Path:
@@ -39,14 +53,20 @@ def _sniff(path: Path, head: str) -> bool:
     return path.name in ("cameras.txt", "images.txt", "cameras.bin", "images.bin")
 
 
-def _lens(number: int, tokens: list[str]) -> Lens:
-    where = f"cameras.txt line {number}"
+def _lines(path: Path) -> Iterator[tuple[str, list[str]]]:
+    """Where each line is, and its words, without comments and blank lines."""
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            yield f"{path.name} line {number}", line.split()
+
+
+def _lens(where: str, tokens: list[str]) -> Lens:
     if len(tokens) < 5:
         raise InputError(f"{where}: expected CAMERA_ID MODEL WIDTH HEIGHT PARAMS...")
     model = tokens[1]
     if model not in _MODELS:
         raise InputError(
-            f"{where}: camera model {model} is not supported; convert it to one of "
+            f"{where}: camera model {quoted(model)} is not supported; convert it to one of "
             f"{', '.join(_MODELS)} (undistort the images, or calibrate with one of these)"
         )
     width, height = floats(tokens[2:4], where)
@@ -72,51 +92,107 @@ def _lenses(folder: Path) -> dict[str, Lens]:
                 "`colmap model_converter --output_type TXT`"
             )
         raise InputError("no cameras.txt in the folder")
-    lines = enumerate(read_text(path).splitlines(), start=1)
-    rows = [(n, line.split()) for n, line in lines if line.strip() and line.strip()[0] != "#"]
-    if not rows:
+    lenses = {tokens[0]: _lens(where, tokens) for where, tokens in _lines(path)}
+    if not lenses:
         raise InputError("cameras.txt: holds no camera")
-    return {tokens[0]: _lens(number, tokens) for number, tokens in rows}
+    return lenses
 
 
-def _images(path: Path) -> list[tuple[int, list[str]]]:
-    """Image lines alone; the line of 2-D points after each may be empty."""
-    rows, points = [], False
+def _pose(tokens: list[str], where: str) -> tuple[np.ndarray, np.ndarray]:
+    if len(tokens) < _POSE:
+        raise InputError(
+            f"{where}: expected a pose QW QX QY QZ TX TY TZ, found {len(tokens)} words"
+        )
+    w, x, y, z, *t = floats(tokens[:_POSE], where)
+    return rotation_of_quaternion([x, y, z, w], where), np.array(t)
+
+
+def _posed_images(path: Path) -> list[_Posed]:
+    """Of ``images.txt``; the line of 2-D points after each image may be empty."""
+    found, points = [], False
     for number, line in enumerate(read_text(path).splitlines(), start=1):
         if points:
             points = False
         elif line.strip() and not line.lstrip().startswith("#"):
-            rows.append((number, line.split(maxsplit=9)))
+            where, tokens = f"images.txt line {number}", line.split(maxsplit=9)
+            if len(tokens) < 9:
+                raise InputError(f"{where}: expected IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME")
+            found.append(_Posed(tokens[8], *_pose(tokens[1:8], where)))
             points = True
-    return rows
+    return found
+
+
+def _posed_frames(folder: Path) -> list[_Posed]:
+    """Of ``frames.txt``: FRAME_ID RIG_ID RIG_FROM_WORLD NUM_DATA_IDS (TYPE SENSOR_ID DATA_ID)..."""
+    rigs = dict(_rig(*line) for line in _lines(folder / "rigs.txt"))
+    found = []
+    for where, tokens in _lines(folder / "frames.txt"):
+        data = tokens[10:]
+        if len(tokens) < 10 or len(data) % 3:
+            raise InputError(
+                f"{where}: expected FRAME_ID RIG_ID QW QX QY QZ TX TY TZ NUM_DATA_IDS and "
+                "TYPE SENSOR_ID DATA_ID for each"
+            )
+        R, t = _pose(tokens[2:9], where)
+        for kind, sensor in zip(data[::3], data[1::3], strict=True):
+            if kind != "CAMERA":
+                continue
+            pose = rigs.get(tokens[1], {}).get(sensor)
+            if pose is None:
+                raise InputError(
+                    f"{where}: rigs.txt has no pose of camera {quoted(sensor)} in rig "
+                    f"{quoted(tokens[1])}"
+                )
+            found.append(_Posed(sensor, pose[0] @ R, pose[0] @ t + pose[1]))
+    return found
+
+
+def _rig(where: str, tokens: list[str]) -> tuple[str, dict[str, tuple[np.ndarray, np.ndarray]]]:
+    """A rig's name and sensor_from_rig of its cameras: RIG_ID NUM_SENSORS REF_TYPE REF_ID, then
+    TYPE ID HAS_POSE and, where it is 1, the pose, of each other sensor.
+    """
+    poses = {}
+    if tokens[2:3] == ["CAMERA"] and len(tokens) > 3:
+        poses[tokens[3]] = np.eye(3), np.zeros(3)
+    rest = tokens[4:]
+    while rest:
+        kind, sensor, posed, *rest = [*rest, "", ""] if len(rest) < 3 else rest
+        if posed == "1":
+            if kind == "CAMERA":
+                poses[sensor] = _pose(rest, where)
+            rest = rest[_POSE:]
+        elif posed != "0":
+            raise InputError(f"{where}: HAS_POSE must be 0 or 1, found {quoted(posed)}")
+    return tokens[0], poses
+
+
+def _posed(folder: Path) -> list[_Posed]:
+    if (folder / "rigs.txt").is_file() and (folder / "frames.txt").is_file():
+        frames = _posed_frames(folder)
+        if frames:
+            return frames
+    images = folder / "images.txt"
+    return _posed_images(images) if images.is_file() else []
 
 
 def _read(path: Path, image_size: ImageSize | None) -> Camera | Lens:
     folder = _folder(path)
     lenses = _lenses(folder)
-    images = _images(folder / "images.txt") if (folder / "images.txt").is_file() else []
+    images = _posed(folder)
     if not images:
         return _read_lens(path, image_size)
     if len(images) > 1:
         raise InputError(
-            f"images.txt holds {len(images)} images, a camera needs exactly one; keep the two "
-            "lines of that image"
+            f"the model holds {len(images)} images, a camera needs exactly one; keep that image"
         )
-    number, tokens = images[0]
-    where = f"images.txt line {number}"
-    if len(tokens) < 9:
-        raise InputError(f"{where}: expected IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME")
-    w, x, y, z, *t = floats(tokens[1:8], where)
-    if tokens[8] not in lenses:
-        raise InputError(f"{where}: camera {tokens[8]} is not in cameras.txt")
-    if not np.any([w, x, y, z]):
-        raise InputError(f"{where}: the quaternion is zero")
-    R = geometry.rotation_from_quaternion(np.array([x, y, z, w]))
-    lens = lenses[tokens[8]]
-    return Camera(lens.image_size, lens.K, lens.distortion, R, np.array(t))
+    (image,) = images
+    if image.camera not in lenses:
+        raise InputError(f"camera {quoted(image.camera)} is not in cameras.txt")
+    lens = lenses[image.camera]
+    return Camera(lens.image_size, lens.K, lens.distortion, image.R, image.t)
 
 
-def _read_lens(path: Path, image_size: ImageSize | None) -> Camera | Lens:
+def _read_lens(path: Path, image_size: ImageSize | None) -> Lens:
     lenses = _lenses(_folder(path))
     if len(lenses) > 1:
         raise InputError(f"cameras.txt holds {len(lenses)} cameras; keep the line of one")
@@ -145,12 +221,4 @@ def _write(camera: Camera) -> dict[str, str]:
     }
 
 
-FORMAT = CameraFormat(
-    name="colmap",
-    description="COLMAP text model (a folder)",
-    patterns=("cameras.txt",),
-    sniff=_sniff,
-    read=_read,
-    read_lens=_read_lens,
-    write=_write,
-)
+FORMAT = CameraFormat("colmap", "COLMAP text model (a folder)", _sniff, _read, _write, _read_lens)

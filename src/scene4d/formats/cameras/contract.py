@@ -5,26 +5,23 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scene4d.core.camera import Camera, Lens
+from scene4d.formats.choosing import ReadableFormat
 
 ImageSize = tuple[int, int]
+_Reader = Callable[[Path, ImageSize | None], Camera | Lens]
 
 
 @dataclass(frozen=True)
-class CameraFormat:
+class CameraFormat(ReadableFormat):
     """One camera file format; an instance of it in the registry is all that a format needs.
 
-    ``sniff(path, head)`` says whether the file looks like this format (``head`` is its beginning,
-    empty for a folder). ``read(path, image_size)`` returns the camera as the file has it;
-    ``image_size`` only serves formats that carry none. ``read_lens`` replaces ``read`` where
-    intrinsics alone can be had from files that ``read`` must refuse. ``write`` returns the text
-    of the file, or name → text for formats that are a folder. Readers raise
-    :class:`~scene4d.core.errors.InputError` naming line or field; the registry adds the file.
+    ``read(path, image_size)`` returns the camera as the file has it; ``image_size`` only serves
+    formats that carry none. ``write`` returns the text of the file, or name → text for formats
+    that are a folder. ``read_lens`` replaces ``read`` where intrinsics alone can be had from files
+    that ``read`` must refuse. Readers raise :class:`~scene4d.core.errors.InputError` naming line
+    or field; the registry adds the file.
     """
 
-    name: str
-    description: str
-    patterns: tuple[str, ...]
-    sniff: Callable[[Path, str], bool]
-    read: Callable[[Path, ImageSize | None], Camera | Lens]
-    read_lens: Callable[[Path, ImageSize | None], Camera | Lens] | None = None
+    read: _Reader
     write: Callable[[Camera], str | dict[str, str]] | None = None
+    read_lens: _Reader | None = None

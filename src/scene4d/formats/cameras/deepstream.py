@@ -1,11 +1,12 @@
-"""NVIDIA DeepStream's ``camInfo`` YAML for single-view 3D tracking (Gst-nvtracker).
+"""NVIDIA DeepStream's ``camInfo`` YAML for single- and multi-view 3D tracking (Gst-nvtracker).
 
-``projectionMatrix_3x4``: 12 numbers, row-major, world to pixels counted from the image centre;
-``projectionMatrix_3x4_w2p``: the same, counted from the top left pixel. The image centre is
+``projectionMatrix_3x4_w2p``: 12 numbers, row-major, world to pixels counted from the top left
+pixel; ``projectionMatrix_3x4``: the same, counted from the image centre, which is
 ``((w - 1) / 2, (h - 1) / 2)`` here, so that a principal point at the centre becomes 0 exactly.
+The tracker takes either; NVIDIA's multi-view tools read ``_w2p`` alone, so both are written.
 ``modelInfo`` is the cylinder that stands for a person; NVIDIA's sample gives it and the world in
-centimetres, which is told from the cylinder's height. The matrix maps to undistorted pixels: a
-lens distortion has no place in the file and is left out on writing.
+centimetres, which is told from the cylinder's height. The matrices map to undistorted pixels:
+distortion has no place in the file and is left out on writing.
 """
 
 from collections.abc import Mapping
@@ -23,8 +24,8 @@ from scene4d.formats.cameras.contract import CameraFormat, ImageSize
 from scene4d.formats.cameras.pinhole import decompose, require_z_up, size_for
 
 _CENTRED, _CORNER = "projectionMatrix_3x4", "projectionMatrix_3x4_w2p"
-# A person's height tells the unit of the file: (least, most, metres per unit).
 _UNITS = ((0.5, 3.0, 1.0), (50.0, 300.0, 0.01), (500.0, 3000.0, 0.001))
+"""A person's height tells the unit of the file: (least, most, metres per unit)."""
 
 
 def _sniff(path: Path, head: str) -> bool:
@@ -57,32 +58,32 @@ def _matrix(name: str, value: Any) -> np.ndarray:
 
 
 def _read(path: Path, image_size: ImageSize | None) -> Camera:
-    values = fields.load_yaml(read_text(path))
-    name, value = fields.require(values, _CENTRED, _CORNER)
+    values = fields.yaml_fields(read_text(path))
+    name, value = fields.require(values, _CORNER, _CENTRED)
     K, R, t = decompose(_matrix(name, value))
     require_z_up(R, t)
     if name == _CENTRED:
         if image_size is None:
             raise InputError(
                 f"field {name!r} counts pixels from the image centre and the file carries no "
-                "image size; give image_size (--image-size WxH)"
+                "image size; give image_size"
             )
-        K[0, 2] += (image_size[0] - 1) / 2
-        K[1, 2] += (image_size[1] - 1) / 2
+        K[:2, 2] += (np.array(image_size) - 1) / 2
     return Camera(image_size=size_for(K, image_size), K=K, R=R, t=t * _metres_per_unit(values))
 
 
 def _write(camera: Camera) -> str:
     """Text of the file; a distorted camera keeps its undistorted P."""
-    centre = np.eye(3)
-    centre[:2, 2] = -(np.array(camera.image_size) - 1) / 2
+    centred = np.eye(3)
+    centred[:2, 2] = -(np.array(camera.image_size) - 1) / 2
     width, height = camera.image_size
     return "\n".join(
         [
-            f"# World metres, Z up, to pixels of {width}x{height} images without lens distortion,",
-            "# counted from the image centre; row-major.",
-            f"{_CENTRED}:",
-            *(f"  - {decimal(x)}" for x in (centre @ camera.P).ravel()),
+            f"# World metres, Z up, to pixels of {width}x{height} images without lens distortion;",
+            "# row-major. Pixels count from the centre of the top left pixel:",
+            *_numbers(_CORNER, camera.P),
+            "# and from the image centre:",
+            *_numbers(_CENTRED, centred @ camera.P),
             "# The cylinder that stands for a person, in metres.",
             "modelInfo:",
             f"  height: {PERSON_HEIGHT_M}",
@@ -92,11 +93,10 @@ def _write(camera: Camera) -> str:
     )
 
 
+def _numbers(name: str, values: np.ndarray) -> list[str]:
+    return [f"{name}:", *(f"  - {decimal(x)}" for x in values.ravel())]
+
+
 FORMAT = CameraFormat(
-    name="deepstream",
-    description="NVIDIA DeepStream camInfo YAML (without distortion)",
-    patterns=("camInfo*.yml", "camInfo*.yaml"),
-    sniff=_sniff,
-    read=_read,
-    write=_write,
+    "deepstream", "NVIDIA DeepStream camInfo YAML (without distortion)", _sniff, _read, _write
 )

@@ -1,41 +1,23 @@
-"""Fields of YAML and XML camera files: matrices in their several spellings."""
+"""Fields of YAML, XML and JSON camera files: matrices in their several spellings."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import yaml
 from jaxtyping import Float
 
 from scene4d.core.errors import InputError
-from scene4d.core.text import floats
+from scene4d.core.text import floats, quoted
+from scene4d.formats.yaml_text import load_yaml
 
 
-class _Loader(yaml.SafeLoader):
-    """Safe YAML that also knows OpenCV's matrix tag."""
-
-
-def _opencv_matrix(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
-    return loader.construct_mapping(node, deep=True)
-
-
-_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _opencv_matrix)
-
-
-def load_yaml(text: str) -> dict[str, Any]:
-    """A YAML mapping; OpenCV's ``%YAML:1.0`` first line, which is not YAML, is let pass.
-
-    Raises :class:`InputError` naming the line.
+def yaml_fields(text: str) -> dict[str, Any]:
+    """The fields of a YAML mapping; OpenCV's ``%YAML:1.0`` first line, which is not YAML, is let
+    pass. Raises :class:`InputError` naming the line.
     """
     if text.startswith("%YAML"):
         text = "#" + text  # a comment keeps the line numbers
-    try:
-        values = yaml.load(text, Loader=_Loader)  # safe: derived from SafeLoader
-    except yaml.MarkedYAMLError as error:
-        line = error.problem_mark.line + 1 if error.problem_mark else 1
-        raise InputError(f"line {line}: is not valid YAML: {error.problem}") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputError(f"is not valid YAML: {error}") from error
+    values = load_yaml(text)
     if not isinstance(values, dict):
         raise InputError("expected a YAML mapping of named fields at the top")
     return {str(key): value for key, value in values.items()}
@@ -57,13 +39,16 @@ def require(values: Mapping[str, Any], *names: str) -> tuple[str, Any]:
 def numbers(name: str, value: Any) -> Float[np.ndarray, "n"]:
     """All numbers of a field, row by row: nested lists, or a mapping with ``data``."""
     if isinstance(value, Mapping):
-        data = numbers(name, value.get("data"))
-        rows, cols = value.get("rows"), value.get("cols")
-        if isinstance(rows, int) and isinstance(cols, int) and rows * cols != len(data):
-            raise InputError(f"field {name!r}: expected {rows}x{cols} numbers, found {len(data)}")
-        return data
+        rows, cols, data = (value.get(key) for key in ("rows", "cols", "data"))
+        found = numbers(name, None if isinstance(data, Mapping) else data)
+        if isinstance(rows, int) and isinstance(cols, int) and rows * cols != len(found):
+            raise InputError(
+                f"field {name!r}: expected {quoted(rows)}x{quoted(cols)} numbers, "
+                f"found {len(found)}"
+            )
+        return found
     if not isinstance(value, list):
-        raise InputError(f"field {name!r}: expected a list of numbers, found {value!r}")
+        raise InputError(f"field {name!r}: expected a list of numbers, found {quoted(value)}")
     flat: list[object] = []
     for item in value:
         flat.extend(item if isinstance(item, list) else [item])
@@ -78,14 +63,6 @@ def matrix(name: str, value: Any, rows: int, cols: int) -> np.ndarray:
     return data.reshape(rows, cols)
 
 
-def _positive_int(name: str, value: Any) -> int:
-    """A field as a positive whole number."""
-    number = float(floats([value], f"field {name!r}")[0])
-    if number != int(number) or number < 1:
-        raise InputError(f"field {name!r}: expected a positive whole number, found {value!r}")
-    return int(number)
-
-
 def intrinsic_matrix(name: str, value: Any) -> np.ndarray:
     """A 3x3 K, whose last row must be (0, 0, 1)."""
     K = matrix(name, value, 3, 3)
@@ -96,8 +73,8 @@ def intrinsic_matrix(name: str, value: Any) -> np.ndarray:
 
 def image_size(values: Mapping[str, Any]) -> tuple[int, int] | None:
     """``image_width`` and ``image_height`` or ``image_size``; None where the file has neither."""
-    width = find(values, "image_width", "image_Width", "width")
-    height = find(values, "image_height", "image_Height", "height")
+    width = find(values, "image_width", "image_Width", "width", "width_px")
+    height = find(values, "image_height", "image_Height", "height", "height_px")
     if width and height:
         return _positive_int(*width), _positive_int(*height)
     both = find(values, "image_size", "imageSize")
@@ -105,3 +82,10 @@ def image_size(values: Mapping[str, Any]) -> tuple[int, int] | None:
         return None
     size = matrix(*both, 1, 2)[0]
     return _positive_int(both[0], float(size[0])), _positive_int(both[0], float(size[1]))
+
+
+def _positive_int(name: str, value: Any) -> int:
+    number = float(floats([value], f"field {name!r}")[0])
+    if number != int(number) or number < 1:
+        raise InputError(f"field {name!r}: expected a positive whole number, found {quoted(value)}")
+    return int(number)

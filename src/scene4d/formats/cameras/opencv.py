@@ -53,10 +53,10 @@ def _pose(values: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray] | None:
     if rotation is None and translation is None:
         return None
     if rotation is None or translation is None:
-        found = rotation or translation
+        (name, _), *_ = filter(None, (rotation, translation))
         raise InputError(
-            f"field {found[0] if found else ''!r} is there without its partner: a pose needs a "
-            f"rotation ({', '.join(_ROTATION)}) and a translation ({', '.join(_TRANSLATION)})"
+            f"field {name!r} is there without its partner: a pose needs a rotation "
+            f"({', '.join(_ROTATION)}) and a translation ({', '.join(_TRANSLATION)})"
         )
     return _rotation(*rotation), fields.matrix(*translation, 1, 3)[0]
 
@@ -86,7 +86,7 @@ def _sniff_yaml(path: Path, head: str) -> bool:
 
 
 def _read_yaml(path: Path, image_size: ImageSize | None) -> Camera | Lens:
-    return _camera(fields.load_yaml(read_text(path)), image_size)
+    return _camera(fields.yaml_fields(read_text(path)), image_size)
 
 
 def _sniff_xml(path: Path, head: str) -> bool:
@@ -155,19 +155,5 @@ def _write_xml(camera: Camera) -> str:
     return "\n".join([*lines, "</opencv_storage>"]) + "\n"
 
 
-YAML = CameraFormat(
-    name="opencv-yaml",
-    description="OpenCV FileStorage, YAML",
-    patterns=("*.yml", "*.yaml"),
-    sniff=_sniff_yaml,
-    read=_read_yaml,
-    write=_write_yaml,
-)
-XML = CameraFormat(
-    name="opencv-xml",
-    description="OpenCV FileStorage, XML",
-    patterns=("*.xml",),
-    sniff=_sniff_xml,
-    read=_read_xml,
-    write=_write_xml,
-)
+YAML = CameraFormat("opencv-yaml", "OpenCV FileStorage, YAML", _sniff_yaml, _read_yaml, _write_yaml)
+XML = CameraFormat("opencv-xml", "OpenCV FileStorage, XML", _sniff_xml, _read_xml, _write_xml)

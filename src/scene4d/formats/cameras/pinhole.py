@@ -1,16 +1,21 @@
 """From matrices to cameras: decomposition of P, image sizes, and what distortion we can hold."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 
 from scene4d.core import geometry
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
-
-_ImageSize = tuple[int, int]
+from scene4d.formats.cameras.contract import ImageSize
 
 _MIN_SIZE, _MAX_ASPECT = 16, 4.0
+"""Pixels and ratio of the sides of a plausible image; chosen generously: a thumbnail, and four
+pictures side by side."""
 _CENTRAL = 0.25
+"""A principal point in the outer quarter of the image belongs to another image size; chosen so
+that halves and doubles are told, and lenses off the middle are not."""
 
 
 def five_coefficients(values: Float[np.ndarray, "n"]) -> Float[np.ndarray, "5"]:
@@ -30,7 +35,14 @@ def five_coefficients(values: Float[np.ndarray, "n"]) -> Float[np.ndarray, "5"]:
     return out
 
 
-def size_for(K: Float[np.ndarray, "3 3"], image_size: _ImageSize | None) -> _ImageSize:
+def rotation_of_quaternion(xyzw: Sequence[float], where: str) -> Float[np.ndarray, "3 3"]:
+    """The rotation of a quaternion of any length but 0, for which :class:`InputError` is raised."""
+    if not np.any(xyzw):
+        raise InputError(f"{where}: the quaternion is zero")
+    return geometry.rotation_from_quaternion(np.asarray(xyzw, float))
+
+
+def size_for(K: Float[np.ndarray, "3 3"], image_size: ImageSize | None) -> ImageSize:
     """The image size for a file that carries none: as given, or twice the principal point.
 
     With pixel centres at integers the centre of w pixels is ``(w - 1) / 2``; an odd result means
@@ -52,7 +64,7 @@ def size_for(K: Float[np.ndarray, "3 3"], image_size: _ImageSize | None) -> _Ima
     if min(width, height) < _MIN_SIZE or not 1 / _MAX_ASPECT <= width / height <= _MAX_ASPECT:
         raise InputError(
             f"the file carries no image size, and its principal point ({cx:.6g}, {cy:.6g}) is "
-            "not the centre of a plausible image; give image_size (--image-size WxH)"
+            "not the centre of a plausible image; give image_size"
         )
     return width, height
 
@@ -95,7 +107,7 @@ def require_z_up(R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> None
         )
 
 
-def camera_from_projection(P: Float[np.ndarray, "3 4"], image_size: _ImageSize | None) -> Camera:
+def camera_from_projection(P: Float[np.ndarray, "3 4"], image_size: ImageSize | None) -> Camera:
     """The camera of a bare projection matrix into pixels, without distortion."""
     K, R, t = decompose(P)
     require_z_up(R, t)

@@ -4,26 +4,32 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera, Lens
-from scene4d.core.errors import InputError, OutputError
-from scene4d.core.files import read_json, write_bytes
-from scene4d.core.text import head_text, prefixed
+from scene4d.core.errors import InputError
+from scene4d.core.files import read_json, replace_files
+from scene4d.core.text import head_text, prefixed, quoted
 from scene4d.formats.cameras import (
     camera_json,
     colmap,
     deepstream,
+    kitti,
     krtd,
     matrix,
     opencv,
+    openlabel,
     ros,
     towncentre,
     tsai,
 )
-from scene4d.formats.cameras.contract import CameraFormat
+from scene4d.formats.cameras.contract import CameraFormat, ImageSize
+from scene4d.formats.choosing import by_name, detected, names
 
 # The first whose sniff agrees reads the file, so the specific stand before the general.
 _FORMATS: tuple[CameraFormat, ...] = (
+    openlabel.FORMAT,
     camera_json.FORMAT,
     opencv.YAML,
     opencv.XML,
@@ -33,6 +39,7 @@ _FORMATS: tuple[CameraFormat, ...] = (
     deepstream.FORMAT,
     tsai.FORMAT,
     towncentre.FORMAT,
+    kitti.FORMAT,
     matrix.FORMAT,
 )
 
@@ -42,32 +49,10 @@ def camera_formats() -> tuple[CameraFormat, ...]:
     return _FORMATS
 
 
-def _by_name(name: str) -> CameraFormat:
-    for candidate in _FORMATS:
-        if candidate.name == name:
-            return candidate
-    raise InputError(
-        f"camera format {name!r} is unknown; known: {', '.join(f.name for f in _FORMATS)}"
-    )
-
-
-def _detect(path: Path) -> CameraFormat:
-    head = head_text(path)
-    if not path.is_dir() and not head.strip():
-        raise InputError("the file is empty")
-    for candidate in _FORMATS:
-        if candidate.sniff(path, head):
-            return candidate
-    raise InputError(
-        "no camera format recognises this file; name the format, one of "
-        + ", ".join(f.name for f in _FORMATS)
-    )
-
-
 def read_camera(
     path: str | os.PathLike[str],
     *,
-    image_size: tuple[int, int] | None = None,
+    image_size: ImageSize | None = None,
     format: str | None = None,  # noqa: A002 - the word that people look for
 ) -> Camera | Lens:
     """Read a camera file of any known format; a :class:`Lens` where it holds no pose.
@@ -80,7 +65,7 @@ def read_camera(
     return _read(Path(path), image_size, format, lens=False)
 
 
-def read_lens(path: str | os.PathLike[str], *, image_size: tuple[int, int] | None = None) -> Lens:
+def read_lens(path: str | os.PathLike[str], *, image_size: ImageSize | None = None) -> Lens:
     """Intrinsics and distortion of a camera file of any known format, for this image size.
 
     Raises :class:`InputError` as :func:`read_camera`, and where the aspect ratio differs.
@@ -90,7 +75,7 @@ def read_lens(path: str | os.PathLike[str], *, image_size: tuple[int, int] | Non
 
 
 def read_calibration(
-    path: str | os.PathLike[str], *, image_size: tuple[int, int] | None = None
+    path: str | os.PathLike[str], *, image_size: ImageSize | None = None
 ) -> Calibration:
     """A whole camera of any known format: with its covariance where a calibration wrote it, taken
     as exact elsewhere.
@@ -106,42 +91,37 @@ def read_calibration(
     return replace(Calibration.load(path), camera=camera, image_size=camera.image_size)
 
 
-def _read(
-    path: Path, image_size: tuple[int, int] | None, name: str | None, *, lens: bool
-) -> Camera | Lens:
-    chosen = _by_name(name) if name else None
+def _read(path: Path, image_size: ImageSize | None, name: str | None, *, lens: bool) -> Lens:
     try:
-        chosen = chosen or _detect(path)
+        chosen = by_name(_FORMATS, name, "camera") if name else detected(_FORMATS, path, "camera")
         read = chosen.read_lens if lens and chosen.read_lens else chosen.read
-        found = read(path, image_size)
-        return found if image_size is None else found.scaled_to(image_size)
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            found = read(path, image_size)
+            return found if image_size is None else found.scaled_to(image_size)
     except InputError as error:
         raise prefixed(error, path) from error
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise InputError(f"{path}: its numbers are too large or too small for a camera") from error
 
 
 def write_camera(camera: Camera, path: str | os.PathLike[str], format: str) -> None:  # noqa: A002
-    """Write a camera in a format of :func:`camera_formats`, atomically.
+    """Write a camera in a format of :func:`camera_formats`: all of its files, or none.
 
-    A format that is a folder (COLMAP) takes ``path`` as the folder and makes it. Formats without
-    distortion (DeepStream, bare matrix) get the undistorted P; ROS gets the lens alone. Raises
-    :class:`InputError` for a format that is unknown, read only, or cannot hold this camera, and
-    :class:`OutputError` where the file cannot be written.
+    A format that is a folder (COLMAP) takes ``path`` as the folder. Missing folders are made.
+    Formats without distortion (DeepStream, bare matrix) get the undistorted P; ROS gets the lens
+    alone. Raises :class:`InputError` for a format that is unknown, read only, or cannot hold this
+    camera, and :class:`~scene4d.core.errors.OutputError` where a file cannot be written.
     """
     path = Path(path)
-    chosen = _by_name(format)
+    chosen = by_name(_FORMATS, format, "camera")
     if chosen.write is None:
-        raise InputError(
-            f"camera format {format!r} is read only; write one of "
-            + ", ".join(f.name for f in _FORMATS if f.write)
-        )
+        writable = names([known for known in _FORMATS if known.write])
+        raise InputError(f"camera format {quoted(format)} is read only; write one of {writable}")
     content = chosen.write(camera)
     if isinstance(content, str):
-        write_bytes(path, content.encode())
-        return
-    folder = path.parent if path.name in content else path
-    try:
-        folder.mkdir(exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be made: {error.strerror}") from error
-    for name, text in content.items():
-        write_bytes(folder / name, text.encode())
+        content = {path.name: content}
+        folder = path.parent
+    else:
+        folder = path.parent if path.name in content else path
+    paths = {name: folder / name for name in content}
+    replace_files(paths, ((name, text.encode()) for name, text in content.items()), parents=True)

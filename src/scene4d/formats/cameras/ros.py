@@ -10,7 +10,7 @@ import numpy as np
 
 from scene4d.core.camera import Camera, Lens
 from scene4d.core.errors import InputError
-from scene4d.core.text import decimal, read_text
+from scene4d.core.text import decimal, quoted, read_text
 from scene4d.formats.cameras import fields
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
 from scene4d.formats.cameras.pinhole import five_coefficients, size_for
@@ -23,12 +23,13 @@ def _sniff(path: Path, head: str) -> bool:
 
 
 def _read(path: Path, image_size: ImageSize | None) -> Lens:
-    values = fields.load_yaml(read_text(path))
+    values = fields.yaml_fields(read_text(path))
     model = values.get("distortion_model")
     if model not in _MODELS:
         raise InputError(
-            f"field 'distortion_model': {model!r} is not supported, only {' and '.join(_MODELS)}; "
-            "calibrate the lens with plumb_bob, or undistort the footage first"
+            f"field 'distortion_model': {quoted(model)} is not supported, only "
+            f"{' and '.join(_MODELS)}; calibrate the lens with plumb_bob, or undistort the footage "
+            "first"
         )
     # The second and third names are those of the message itself, as ROS 1 and 2 print it.
     K = fields.intrinsic_matrix(*fields.require(values, "camera_matrix", "K", "k"))
@@ -55,11 +56,4 @@ def _write(camera: Camera) -> str:
     )
 
 
-FORMAT = CameraFormat(
-    name="ros",
-    description="ROS camera_info YAML (intrinsics only)",
-    patterns=("*.yaml", "*.yml"),
-    sniff=_sniff,
-    read=_read,
-    write=_write,
-)
+FORMAT = CameraFormat("ros", "ROS camera_info YAML (intrinsics only)", _sniff, _read, _write)

@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.core import geometry
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
-from scene4d.core.text import floats, read_text
+from scene4d.core.text import floats, quoted, read_text
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
-from scene4d.formats.cameras.pinhole import five_coefficients, size_for
+from scene4d.formats.cameras.pinhole import five_coefficients, rotation_of_quaternion, size_for
 
 _K = ("FocalLengthX", "Skew", "PrincipalPointX", "FocalLengthY", "PrincipalPointY")
 _QUATERNION = ("RotationX", "RotationY", "RotationZ", "RotationW")
@@ -32,34 +31,27 @@ def _values(text: str) -> dict[str, float]:
             continue
         name, equals, value = line.partition("=")
         if not equals:
-            raise InputError(f"line {number}: expected `Name = value`, found {line.strip()!r}")
+            raise InputError(
+                f"line {number}: expected `Name = value`, found {quoted(line.strip())}"
+            )
         values[name.strip()] = float(floats([value.strip()], f"line {number}")[0])
+    missing = [n for n in (*_K, *_QUATERNION, *_TRANSLATION, *_DISTORTION) if n not in values]
+    if missing:
+        raise InputError(f"field {missing[0]!r} is missing")
     return values
 
 
 def _read(path: Path, image_size: ImageSize | None) -> Camera:
     values = _values(read_text(path))
-    missing = [n for n in (*_K, *_QUATERNION, *_TRANSLATION, *_DISTORTION) if n not in values]
-    if missing:
-        raise InputError(f"field {missing[0]!r} is missing")
     fx, skew, cx, fy, cy = (values[name] for name in _K)
     K = np.array([[fx, skew, cx], [0, fy, cy], [0, 0, 1.0]])
-    quaternion = np.array([values[name] for name in _QUATERNION])
-    if not quaternion.any():
-        raise InputError("the rotation's quaternion is zero")
     return Camera(
         image_size=size_for(K, image_size),
         K=K,
         distortion=five_coefficients(np.array([values[name] for name in _DISTORTION])),
-        R=geometry.rotation_from_quaternion(quaternion),
+        R=rotation_of_quaternion([values[name] for name in _QUATERNION], "the rotation"),
         t=np.array([values[name] for name in _TRANSLATION]),
     )
 
 
-FORMAT = CameraFormat(
-    name="towncentre",
-    description="TownCentre .ci (read only)",
-    patterns=("*.ci",),
-    sniff=_sniff,
-    read=_read,
-)
+FORMAT = CameraFormat("towncentre", "TownCentre .ci (read only)", _sniff, _read)

@@ -2,7 +2,7 @@
 
 Lengths in millimetres, angles in radians, ``R = Rz Ry Rx`` is cam_from_world. A pixel on the
 sensor is ``dpx / sx`` by ``dpy``, hence fx = sx focal / dpx and fy = focal / dpy. The radial
-model runs from distorted to undistorted, opposite to OpenCV's, and is turned around by a fit.
+model runs from distorted to undistorted, opposite to OpenCV's, and is inverted by a fit.
 """
 
 from pathlib import Path
@@ -21,6 +21,7 @@ _FIELDS = {
     "Intrinsic": ("focal", "kappa1", "cx", "cy", "sx"),
     "Extrinsic": ("tx", "ty", "tz", "rx", "ry", "rz"),
 }
+_POSITIVE = ("width", "height", "dpx", "dpy", "focal", "sx")
 _MM = 1e-3
 
 
@@ -39,7 +40,7 @@ def _fields(root: Element) -> dict[str, float]:
             if text is None:
                 raise InputError(f"element <{name}>: attribute {attribute!r} is missing")
             values[attribute] = float(floats([text], f"element <{name}>, {attribute!r}")[0])
-    for attribute in ("width", "height", "dpx", "dpy", "focal", "sx"):
+    for attribute in _POSITIVE:
         if values[attribute] <= 0:
             raise InputError(f"attribute {attribute!r} must be positive, found {values[attribute]}")
     return values
@@ -48,29 +49,16 @@ def _fields(root: Element) -> dict[str, float]:
 def _read(path: Path, image_size: ImageSize | None) -> Camera:
     v = _fields(parse_xml(read_text(path)))
     pixel_mm = np.array([v["dpx"] / v["sx"], v["dpy"]])
-    far = np.maximum([v["cx"], v["cy"]], [v["width"] - v["cx"], v["height"] - v["cy"]])
-    K = np.array(
-        [
-            [v["focal"] / pixel_mm[0], 0.0, v["cx"]],
-            [0.0, v["focal"] / pixel_mm[1], v["cy"]],
-            [0.0, 0.0, 1.0],
-        ]
-    )
+    centre, size = np.array([v["cx"], v["cy"]]), np.array([v["width"], v["height"]])
+    focal = v["focal"] / pixel_mm
+    corner_mm = float(np.linalg.norm(np.maximum(centre, size - centre) * pixel_mm))
     return Camera(
         image_size=(int(v["width"]), int(v["height"])),
-        K=K,
-        distortion=geometry.opencv_from_tsai(
-            v["kappa1"], v["focal"], float(np.linalg.norm(far * pixel_mm))
-        ),
+        K=np.array([[focal[0], 0.0, centre[0]], [0.0, focal[1], centre[1]], [0.0, 0.0, 1.0]]),
+        distortion=geometry.opencv_from_tsai(v["kappa1"], v["focal"], corner_mm),
         R=geometry.rotation_from_euler_zyx(v["rx"], v["ry"], v["rz"]),
         t=_MM * np.array([v["tx"], v["ty"], v["tz"]]),
     )
 
 
-FORMAT = CameraFormat(
-    name="tsai",
-    description="Tsai camera XML (PETS 2009; read only)",
-    patterns=("*.xml",),
-    sniff=_sniff,
-    read=_read,
-)
+FORMAT = CameraFormat("tsai", "Tsai camera XML (PETS 2009; read only)", _sniff, _read)

@@ -106,10 +106,4 @@ def _covariance(values: np.ndarray, name: str, axes: tuple[str, str]) -> dict[st
     }
 
 
-FORMAT = SceneFormat(
-    name="csv",
-    description="one line per row, units in the header",
-    suffixes=(_SUFFIX,),
-    write=_write,
-    streams=True,
-)
+FORMAT = SceneFormat("csv", "one line per row, units in the header", (_SUFFIX,), _write)

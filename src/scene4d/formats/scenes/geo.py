@@ -1,7 +1,7 @@
 """Where a scene lies on the Earth: from the metres of its world to longitude and latitude."""
 
 import warnings
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,6 @@ from jaxtyping import Float
 
 from scene4d.core.errors import InputError, UnavailableError
 from scene4d.core.geometry.alignment import rigid_fit
-from scene4d.core.text import floats
 
 _EXPECTED_ERROR_M = 1.0
 """How far off a point on the ground is: read from a map, and seen by the camera."""
@@ -21,7 +20,6 @@ WARN_AT, REFUSE_AT = 3.0, 6.0
 """Distance of a point from where the anchor puts it, in expected errors."""
 _LEAST_SPREAD_M = 1.0
 """Points closer to one another than this give no direction."""
-_NUMBERS = ("latitude_deg", "longitude_deg", "rotation_rad", "east_m", "north_m", "scale")
 
 
 @dataclass(frozen=True)
@@ -50,12 +48,10 @@ class GeoAnchor:
         xy_m: Float[np.ndarray, "n 2"],
         lat_deg: Float[np.ndarray, "n"],
         lon_deg: Float[np.ndarray, "n"],
-        *,
-        sigma_m: float = _EXPECTED_ERROR_M,
     ) -> "GeoAnchor":
         """The anchor that brings ground points (n, 2), n at least 2, to where they are known to be.
 
-        ``sigma_m`` is the expected error of a point. Least squares over rotation and shift
+        Least squares over rotation and shift
         (:func:`~scene4d.core.geometry.alignment.rigid_fit`). Warns where a point is off by three
         expected errors; raises :class:`InputError` beyond six, where distances disagree by more
         than 1.25, for fewer than two points, points within 1 m, points without a ground position
@@ -72,7 +68,7 @@ class GeoAnchor:
         scale = float(np.sum((arm @ R.T) * earth) / np.sum(arm**2))
         _check_scale(scale, xy_m, earth)
         residual = np.linalg.norm(xy_m @ R.T + shift - earth, axis=1)
-        expected = np.hypot(sigma_m, _EXPECTED_SCALE_ERROR * np.linalg.norm(arm, axis=1))
+        expected = np.hypot(_EXPECTED_ERROR_M, _EXPECTED_SCALE_ERROR * np.linalg.norm(arm, axis=1))
         _check_residual(residual, expected, scale)
         return cls(
             latitude_deg=centre[0],
@@ -105,25 +101,6 @@ class GeoAnchor:
         """
         azimuth: np.ndarray = np.mod(90.0 - np.degrees(heading_rad + self.rotation_rad), 360.0)
         return azimuth
-
-    def to_dict(self) -> dict[str, Any]:
-        """The values under their names, for JSON."""
-        return asdict(self) | {"residual_m": list(self.residual_m)}
-
-    @classmethod
-    def from_dict(cls, values: dict[str, Any]) -> "GeoAnchor":
-        """The anchor of :meth:`to_dict`. Raises :class:`InputError` naming the field."""
-        missing = [name for name in (*_NUMBERS, "residual_m") if name not in values]
-        if missing:
-            raise InputError(f"geo-anchor: field {missing[0]!r} is missing")
-        if not isinstance(values["residual_m"], list):
-            raise InputError("geo-anchor: field 'residual_m' must be a list of numbers")
-        numbers = {
-            name: float(floats([values[name]], f"geo-anchor: field {name!r}")[0])
-            for name in _NUMBERS
-        }
-        residual = floats(values["residual_m"], "geo-anchor: field 'residual_m'")
-        return cls(**numbers, residual_m=tuple(residual.tolist()))
 
 
 def _projection(latitude_deg: float, longitude_deg: float) -> Any:

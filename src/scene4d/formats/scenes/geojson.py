@@ -42,9 +42,9 @@ def _write(pieces: Iterator[SceneTable]) -> Iterator[tuple[str, bytes]]:
     scene = gathered(pieces)
     if scene.geo is None:
         raise InputError(
-            "geojson holds longitude and latitude, and where this scene lies is unknown; give two "
-            "or more ground points as --anchor u,v,lat,lon, or export moving-features, which takes "
-            "local metres"
+            "geojson holds longitude and latitude, and where this scene lies is unknown; give an "
+            "anchor of two or more ground points (u, v, latitude, longitude), or export "
+            "moving-features, which takes local metres"
         )
     lonlat = scene.geo.to_lonlat(scene.tracks.xy_m)
     if not np.isfinite(lonlat).any():
@@ -124,9 +124,8 @@ def _along(scene: SceneTable, at: Tracks) -> dict[str, Any]:
 
 
 FORMAT = SceneFormat(
-    name="geojson",
-    description="RFC 7946, one feature per track; needs a geo-anchor",
-    suffixes=(_SUFFIX,),
-    write=_write,
-    streams=False,
+    "geojson",
+    "RFC 7946, one feature per track; needs a geo-anchor",
+    (_SUFFIX,),
+    _write,
 )

@@ -43,8 +43,7 @@ def _write(pieces: Iterator[SceneTable]) -> Iterator[tuple[str, bytes]]:
 def _meta(piece: SceneTable) -> bytes:
     width, height = piece.image_size
     camera = re.sub(r"[^\w.-]", "_", piece.camera)
-    rate = "" if piece.fps is None else f", {piece.fps:.10g} frames per second"
-    return f"- {{'meta': 'scene4d, camera {camera}, {width}x{height} pixels{rate}'}}\n".encode()
+    return f"- {{'meta': 'scene4d, camera {camera}, {width}x{height} pixels'}}\n".encode()
 
 
 def _boxes(tracks: Tracks, first_id: int) -> bytes:
@@ -72,10 +71,4 @@ def _types(classes: Counter[tuple[int, str]]) -> bytes:
     return "".join(lines).encode()
 
 
-FORMAT = SceneFormat(
-    name="kpf",
-    description="KPF geom.yml with types.yml (MEVA)",
-    suffixes=(_GEOM, _TYPES),
-    write=_write,
-    streams=True,
-)
+FORMAT = SceneFormat("kpf", "KPF geom.yml with types.yml (MEVA)", (_GEOM, _TYPES), _write)

@@ -52,9 +52,8 @@ def _columns(tracks: Tracks) -> dict[str, Array]:
 
 
 FORMAT = SceneFormat(
-    name="mot",
-    description="MOTChallenge text, world coordinates in the last three columns",
-    suffixes=(_SUFFIX,),
-    write=_write,
-    streams=True,
+    "mot",
+    "MOTChallenge text, world coordinates in the last three columns",
+    (_SUFFIX,),
+    _write,
 )

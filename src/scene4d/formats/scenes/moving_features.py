@@ -152,9 +152,8 @@ def _measure(values: np.ndarray, decimals: int, form: str, interpolation: str) -
 
 
 FORMAT = SceneFormat(
-    name="moving-features",
-    description="OGC Moving Features JSON (19-045r3): on the Earth or in local metres",
-    suffixes=(_SUFFIX,),
-    write=_write,
-    streams=False,
+    "moving-features",
+    "OGC Moving Features JSON (19-045r3): on the Earth or in local metres",
+    (_SUFFIX,),
+    _write,
 )

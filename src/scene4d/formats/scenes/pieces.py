@@ -9,7 +9,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
 from scene4d.formats.scenes.contract import SceneTable
 
-_ONE_CLIP = ("camera", "image_size", "start_utc", "fps", "keypoint_names", "geo")
+_ONE_CLIP = ("camera", "image_size", "start_utc", "keypoint_names", "geo")
 """What pieces have in common where the format can say it only once."""
 
 

@@ -5,11 +5,12 @@ from collections.abc import Iterable, Iterator
 from itertools import chain
 from pathlib import Path
 
-from scene4d.core.errors import InputError, OutputError
+from scene4d.core.errors import InputError
+from scene4d.core.files import replace_files
 from scene4d.core.text import prefixed
+from scene4d.formats.choosing import by_name
 from scene4d.formats.scenes import csv, geojson, kpf, mot, moving_features
 from scene4d.formats.scenes.contract import SceneFormat, SceneTable
-from scene4d.formats.scenes.replacing import replace_files
 
 _FORMATS: tuple[SceneFormat, ...] = (
     csv.FORMAT,
@@ -29,8 +30,6 @@ def write_scene(
     scene: SceneTable | Iterable[SceneTable],
     path: str | os.PathLike[str],
     format: str,  # noqa: A002 - the word that people look for
-    *,
-    overwrite: bool = True,
 ) -> tuple[Path, ...]:
     """Write a scene in a format of :func:`scene_formats`, atomically; the files that were written.
 
@@ -38,36 +37,22 @@ def write_scene(
     hold one in memory, geojson and moving-features all of them, since they write track by track.
     mot, kpf, geojson and moving-features take the pieces of one clip, csv those of any. ``path`` is
     the file; for kpf, ``NAME`` or ``NAME.geom.yml`` gives ``NAME.geom.yml`` and ``NAME.types.yml``.
-    Existing files are replaced unless ``overwrite`` is false; a folder never is.
+    Existing files are replaced, a folder never is, and missing folders are made.
 
     Raises :class:`InputError` for an unknown format, a scene without rows and what the format
-    cannot hold, :class:`OutputError` where a file is in the way or cannot be written, and
-    :class:`UnavailableError` where a geo-anchor is used without pyproj. Nothing is
-    changed then.
+    cannot hold, :class:`~scene4d.core.errors.OutputError` where a file cannot be written, and
+    :class:`~scene4d.core.errors.UnavailableError` where a geo-anchor is used without pyproj.
+    Nothing is changed then.
     """
-    chosen = _by_name(format)
     path = Path(path)
+    chosen = by_name(_FORMATS, format, "scene")
     paths = _paths(path, chosen)
-    for target in paths.values():
-        if target.is_dir():
-            raise OutputError(f"{target}: is a folder; expected the name of a file")
-        if not overwrite and target.exists():
-            raise OutputError(f"{target}: exists already and is not overwritten")
     try:
         pieces = _filled([scene] if isinstance(scene, SceneTable) else scene)
-        replace_files(paths, chosen.write(pieces))
+        replace_files(paths, chosen.write(pieces), parents=True)
     except InputError as error:
         raise prefixed(error, path) from error
     return tuple(paths.values())
-
-
-def _by_name(name: str) -> SceneFormat:
-    for candidate in _FORMATS:
-        if candidate.name == name:
-            return candidate
-    raise InputError(
-        f"scene format {name!r} is unknown; known: {', '.join(f.name for f in _FORMATS)}"
-    )
 
 
 def _paths(path: Path, chosen: SceneFormat) -> dict[str, Path]:
