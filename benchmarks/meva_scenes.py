@@ -15,9 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from scene4d.core.errors import Scene4DError
-from scene4d.core.progress import Silent
 from scene4d.store.query import Scene
-from scene4d.tracking import TrackOptions, track_scene
+from scene4d.tracking import TrackOptions, track
 from scene4d.tracking.vehicles import stands
 
 ROOT = Path(__file__).parents[1]
@@ -38,15 +37,15 @@ def main() -> None:
         out = Path(scratch) / "scene"
         for clip in clips:
             camera = clip.name.split(".")[-3]
+            path = meva / "cameras" / f"{camera}.krtd"
             options = TrackOptions(
-                meva / "cameras" / f"{camera}.krtd",
                 annotations=clip,
                 name=camera,
                 fps=30.0,
                 drop_invalid=True,
             )
             try:
-                rows += track_scene(None, out, options, Silent()).rows
+                rows += track(None, path, out, options).rows
             except Scene4DError as error:
                 refused.append(f"{clip.name}: {error}")
         taken = time.perf_counter() - begun

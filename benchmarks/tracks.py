@@ -28,7 +28,7 @@ from scene4d.evaluation import pets
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import write_camera
 from scene4d.store.query import Scene
-from scene4d.tracking import TrackOptions, track_scene
+from scene4d.tracking import track
 from scene4d.tracking.people import locate_people
 
 ROOT = Path(__file__).parents[1]
@@ -127,7 +127,7 @@ def main() -> None:
         rows = [head, ["---"] * len(head)]
         for number, (name, camera) in enumerate(cameras.items()):
             scene = out / f"scene{number}"
-            done = track_scene(video, scene, TrackOptions(camera), Silent())
+            done = track(video, camera, scene)
             rows.append([name, *scored(scene, truth, reference.camera)])
             print(name, {k: round(v, 2) for k, v in done.timings.items()})
     text = "\n".join("| " + " | ".join(cells) + " |" for cells in rows)

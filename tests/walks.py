@@ -1,5 +1,6 @@
 """A camera, people and a car that go their ways in front of it, and footage of the empty ground."""
 
+from fractions import Fraction
 from pathlib import Path
 
 import av
@@ -76,16 +77,23 @@ def write_video(
     seconds: int = SECONDS,
     size: tuple[int, int] = SIZE,
     shifts: list[int] | None = None,
+    times_s: np.ndarray | None = None,
 ) -> Path:
-    """The empty ground, moved to the right by some pixels from frame to frame."""
+    """The empty ground, moved to the right by some pixels from frame to frame; at even times, or
+    at those given.
+    """
     with av.open(str(path), "w") as container:
         stream = container.add_stream("mpeg4", rate=FPS)
         stream.width, stream.height = size
         stream.pix_fmt = "yuv420p"
         stream.bit_rate = 4_000_000
-        for shift in shifts or [0] * (FPS * seconds):
+        if times_s is not None:
+            stream.codec_context.time_base = Fraction(1, 1000)
+        for number, shift in enumerate(shifts or [0] * (FPS * seconds)):
             picture = np.ascontiguousarray(ground(shift)[: size[1], : size[0]])
             frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
+            if times_s is not None:
+                frame.pts, frame.time_base = round(times_s[number] * 1000), Fraction(1, 1000)
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
     return path

@@ -78,7 +78,7 @@ def test_a_scene_on_the_earth(run, tracked, tmp_path, camera):
     [
         (["--camera", "CAMERA"], 2, "give footage"),
         (["--camera", "missing.json", "--annotations", "BOXES"], 1, "missing.json"),
-        (["--camera", "CAMERA", "--annotations", "BOXES"], 1, "--fps"),
+        (["--camera", "CAMERA", "--annotations", "BOXES"], 1, "fps"),
         (["--camera", "CAMERA", "no.avi"], 1, "no.avi"),
         (["--camera", "CAMERA", "no.avi", "--start", "noon"], 2, "is no time"),
         (["--camera", "CAMERA", "no.avi", "--rate", "0"], 2, "--rate"),

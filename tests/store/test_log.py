@@ -12,7 +12,7 @@ from hypothesis.extra import numpy as hnp
 from scene4d.core.body import HALPE26
 from scene4d.core.errors import InputError, OutputError
 from scene4d.core.people import Detections
-from scene4d.store.log import DetectionLog, Logged
+from scene4d.store.log import DetectionLog, Look
 
 SETTINGS = {"source": {"name": "a.avi", "size": 12}, "detector": "yolox", "thresholds": (0.1, 0.5)}
 
@@ -21,7 +21,7 @@ def logged(detections, appearance=None):
     """A chunk of the frames that the detections are of, and one in which nobody was."""
     frame = np.unique(detections.frame)
     frame = np.append(frame, frame.max(initial=-1) + 1)
-    return Logged(frame, frame / 10, detections, appearance)
+    return Look(frame, frame / 10, detections, appearance)
 
 
 def parts(log):

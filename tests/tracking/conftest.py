@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scene4d.perception.objects import ObjectDetector
-from walks import CAMERA, detections
+from walks import CAMERA, FPS, SECONDS, detections
 
 
 class Perfect:
@@ -25,8 +25,9 @@ class Perfect:
         if self.until is not None and frame.index >= self.until:
             raise KeyboardInterrupt
         self.seen.append(frame.index)
-        found = detections(frame.index)
-        found = replace(found, time_s=np.full(len(found), frame.time_s))
+        found = detections(frame.index % (FPS * SECONDS))  # who leaves the picture comes again
+        n = len(found)
+        found = replace(found, frame=np.full(n, frame.index), time_s=np.full(n, frame.time_s))
         return found, np.full((len(found), 4), 0.25, np.float32)
 
 

@@ -1,29 +1,43 @@
 """What a scene is made of when footage and annotations are not as they should be."""
 
-from datetime import datetime
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from scene4d.core.body import HALPE26
 from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
-from scene4d.core.progress import Silent
 from scene4d.core.tracks import Tracks
+from scene4d.searching.pages.footage import footage_of
 from scene4d.store import Scene
-from scene4d.tracking import TrackOptions, TrackRun, sampling, track_scene
-from scene4d.tracking.following import Follower, Look
+from scene4d.store.log import Look
+from scene4d.tracking import TrackOptions, track, watching
+from scene4d.tracking.following import follow
 from scene4d.video.frames import Frame, Source
-from walks import CAMERA, FPS, SIZE, car_box, detections, ground, write_video
+from walks import (
+    CAMERA,
+    FPS,
+    SIZE,
+    car_box,
+    detections,
+    ground,
+    person_box,
+    places,
+    write_video,
+)
 
 
 def boxes_file(tmp_path: Path, rows: list[tuple[int, int]]) -> Path:
     """MOTChallenge rows of (frame from 0, track) at the places of the first person."""
     lines = []
-    for frame, track in rows:
-        x1, y1, x2, y2 = detections(frame).box_xyxy[0]
-        lines.append(f"{frame + 1},{track},{x1},{y1},{x2 - x1},{y2 - y1},1")
+    for frame, number in rows:
+        x1, y1, x2, y2 = detections(min(frame, 100)).box_xyxy[0]
+        lines.append(f"{frame + 1},{number},{x1},{y1},{x2 - x1},{y2 - y1},1")
     path = tmp_path / "boxes.txt"
     path.write_text("\n".join(lines) + "\n")
     return path
@@ -31,15 +45,15 @@ def boxes_file(tmp_path: Path, rows: list[tuple[int, int]]) -> Path:
 
 def test_sparsely_annotated_frames_are_all_used(tmp_path, camera):
     path = boxes_file(tmp_path, [(frame, 1) for frame in range(0, 75, 6)])
-    options = TrackOptions(camera, annotations=path, fps=25.0)
-    track_scene(None, tmp_path / "scene", options, Silent())
+    options = TrackOptions(annotations=path, fps=25.0)
+    track(None, camera, tmp_path / "scene", options)
     assert Scene.open(tmp_path / "scene").tracks().observed.sum() == 13
 
 
 def test_some_tracks_missing_means_all_are_tracked_anew(tmp_path, camera):
     path = boxes_file(tmp_path, [(frame, -1 if frame == 30 else 1) for frame in range(60)])
-    options = TrackOptions(camera, annotations=path, fps=float(FPS))
-    run = track_scene(None, tmp_path / "scene", options, Silent())
+    options = TrackOptions(annotations=path, fps=float(FPS))
+    run = track(None, camera, tmp_path / "scene", options)
     assert run.tracks == {"person": 1}
     assert "tracked anew" in run.warnings[0]
 
@@ -52,25 +66,25 @@ def test_some_tracks_missing_means_all_are_tracked_anew(tmp_path, camera):
     ],
 )
 def test_impossible_tracks_are_refused_and_nothing_is_left(tmp_path, camera, rows, message):
-    options = TrackOptions(camera, annotations=boxes_file(tmp_path, rows), fps=10.0)
+    options = TrackOptions(annotations=boxes_file(tmp_path, rows), fps=10.0)
     with pytest.raises(InputError, match=message):
-        track_scene(None, tmp_path / "scene", options, Silent())
+        track(None, camera, tmp_path / "scene", options)
     assert not (tmp_path / "scene").exists()
 
 
 def test_another_calibration_is_refused_before_anything_is_watched(tmp_path, camera, detector):
     video = write_video(tmp_path / "yard.avi", seconds=2)
     detector()
-    track_scene(video, tmp_path / "scene", TrackOptions(camera, name="gate"), Silent())
+    track(video, camera, tmp_path / "scene", TrackOptions(name="gate"))
     other = tmp_path / "other.json"
     CAMERA.disturbed(np.array([0, 0, 0, 0.1, 0.0])).save(other)
     used = detector()
     with pytest.raises(InputError, match="another calibration"):
-        track_scene(
+        track(
             write_video(tmp_path / "b.avi", seconds=2),
+            other,
             tmp_path / "scene",
-            TrackOptions(other, name="gate"),
-            Silent(),
+            TrackOptions(name="gate"),
         )
     assert used.seen == []
 
@@ -78,12 +92,12 @@ def test_another_calibration_is_refused_before_anything_is_watched(tmp_path, cam
 def test_a_camera_that_moves_is_refused_by_a_resumed_run_too(
     tmp_path, camera, detector, monkeypatch
 ):
-    monkeypatch.setattr(sampling, "CHUNK_S", 1.0)
+    monkeypatch.setattr(watching, "_CHUNK_S", 1.0)
     video = write_video(tmp_path / "yard.avi", shifts=[0] * 35 + [24] * 45)
     for _ in range(3):
         detector()
         with pytest.raises(InputError, match="the camera moves"):
-            track_scene(video, tmp_path / "scene", TrackOptions(camera), Silent())
+            track(video, camera, tmp_path / "scene")
 
 
 class Live(Source):
@@ -97,25 +111,67 @@ class Live(Source):
             yield Frame(index, index / FPS, ground())
 
 
-def test_a_stream_is_watched_until_ctrl_c_and_each_time_is_a_run(
-    tmp_path, camera, detector, monkeypatch
-):
+@pytest.fixture
+def live(monkeypatch):
     monkeypatch.setattr("scene4d.video.reader.open_source", lambda _: Live())
-    names = []
-    for begin in ("2026-11-20T08:00:00+00:00", "2026-11-20T09:00:00+00:00"):
+
+
+@pytest.mark.usefixtures("live")
+def test_a_stream_is_watched_until_ctrl_c_and_each_time_is_a_run(tmp_path, camera, detector):
+    """Also where both are said to have begun at one moment."""
+    for _ in range(2):
         detector(until=40)
-        options = TrackOptions(camera, start=datetime.fromisoformat(begin))
-        run = track_scene(Live.name, tmp_path / "scene", options, Silent())
+        options = TrackOptions(start=datetime.fromisoformat("2026-11-20T08:00:00+00:00"))
+        run = track(Live.name, camera, tmp_path / "scene", options)
         assert run.tracks == {"person": 2, "car": 1}
-        names.append(run.run)
-    assert len(set(names)) == 2
     assert not any("secret" in str(path) for path in tmp_path.rglob("*"))
     scene = Scene.open(tmp_path / "scene")
-    assert (len(scene.runs), scene.cameras) == (2, ("live",))
+    assert (len(scene.runs), scene.cameras) == (2, ("cam-live",))
+    assert [len(scene.only(run.run)) for run in scene.runs] == [120, 120]
     assert len(np.unique(scene.tracks().track)) == 6
 
 
-def test_a_moving_car_behind_people_is_not_drawn_towards_them(tmp_path, camera):
+@pytest.mark.usefixtures("live")
+def test_what_a_killed_stream_showed_is_in_the_scene(tmp_path, camera, detector, monkeypatch):
+    """Nothing tidies up after a kill; what is older than half a minute must be there."""
+
+    class Killed(BaseException):
+        pass
+
+    killed = detector()
+    look = killed.look
+
+    def until(frame):
+        if frame.time_s >= 45:
+            raise Killed
+        return look(frame)
+
+    killed.look = until
+    with monkeypatch.context() as patch, pytest.raises(Killed):
+        patch.setattr("scene4d.store.writing.SceneWriter.abandon", lambda _: None)
+        track(Live.name, camera, tmp_path / "scene")
+    scene = Scene.open(tmp_path / "scene")
+    assert 15 < scene.runs[0].span_s[1] < 45
+    assert abs((datetime.now(UTC) - _start(scene)).total_seconds()) < 60
+    detector(until=30)
+    track(Live.name, camera, tmp_path / "scene")
+    again = Scene.open(tmp_path / "scene")
+    assert len(again.runs) == 2
+    assert len(again.only(scene.runs[0].run)) == len(scene), "the first recording stays as it was"
+
+
+def _start(scene):
+    return datetime.fromtimestamp(scene.runs[0].start_ns / 1e9, UTC)
+
+
+@pytest.mark.usefixtures("live")
+def test_a_lost_stream_is_a_warning(tmp_path, camera, detector, monkeypatch):
+    monkeypatch.setattr(Live, "warnings", ("cam: the stream was lost",))
+    detector(until=40)
+    assert "cam: the stream was lost" in track(Live.name, camera, tmp_path / "s").warnings
+
+
+def test_a_moving_car_behind_people_is_not_drawn_towards_them():
     """Half hidden, its lower edge is somebody else's: the position must stay true to its sigma."""
     frames = np.arange(40)
     rows = []
@@ -133,9 +189,9 @@ def test_a_moving_car_behind_people_is_not_drawn_towards_them(tmp_path, camera):
         track=np.tile([1, 2], len(frames)),
         class_name=np.array([r[1] for r in rows]),
     )
-    follower = Follower(Calibration.of_camera(CAMERA), 1.70, TrackRun(tmp_path, "c", "r"))
-    parts = [*follower.follow(Look(frames, frames / FPS, found)), follower.finish()]
-    tracks = Tracks.concatenate(parts)
+    looks = [Look(frames, frames / FPS, found)]
+    parts = follow(looks, Calibration.of_camera(CAMERA), 1.70, trusted=True)
+    tracks = Tracks.concatenate([*parts])
     car = tracks.select(tracks.class_name == "car")
     truth = np.column_stack([-6 + 0.3 * car.frame, np.full(len(car), 18.0)])
     error = car.xy_m - truth
@@ -173,11 +229,131 @@ def test_a_stretch_without_people_is_exported_with_the_others(tmp_path):
         export_scene(tmp_path / "s", tmp_path / "y.csv", "csv", run="empty")
 
 
+@pytest.mark.parametrize("last", [10**8, 3 * 10**9])
+def test_two_far_annotations_take_no_more_than_two(tmp_path, camera, last):
+    path = boxes_file(tmp_path, [(0, 1), (1, 1), (last, 1)])
+    run = track(None, camera, tmp_path / "s", TrackOptions(annotations=path, fps=25.0))
+    assert run.rows == 2  # frames 0 and 1 are in one slot of 10 Hz
+    assert Scene.open(tmp_path / "s").tracks().time_s.tolist() == [0.0, last / 25]
+
+
+def test_annotations_beyond_all_footage_are_refused(tmp_path, camera):
+    path = boxes_file(tmp_path, [(0, 1), (3 * 10**9, 1)])
+    with pytest.raises(InputError, match=r"boxes.txt: annotates frame 3000000000 .*less than 2e"):
+        track(None, camera, tmp_path / "s", TrackOptions(annotations=path, fps=1.0))
+
+
+def test_short_pauses_between_annotated_frames_are_bridged_and_long_ones_are_not(tmp_path, camera):
+    frames = [*range(20), *range(30, 50), *range(80, 100)]
+    path = boxes_file(tmp_path, [(frame, 1) for frame in frames])
+    track(None, camera, tmp_path / "s", TrackOptions(annotations=path, fps=10.0))
+    found = Scene.open(tmp_path / "s").tracks()
+    assert found.frame[~found.observed].tolist() == list(range(20, 30))
+    assert found.observed.sum() == 60
+
+
+def test_annotated_frames_have_the_times_of_the_footage(tmp_path, camera):
+    """Half the frames at 20 Hz, half at 5 Hz: frame / mean rate would be off by more than 1 s."""
+    step_s = np.repeat([0.05, 0.2], 40)
+    times = np.concatenate([[0.0], np.cumsum(step_s)[:-1]])
+    video = write_video(tmp_path / "yard.mkv", times_s=times)
+    path = boxes_file(tmp_path, [(frame, 1) for frame in range(80)])
+    track(video, camera, tmp_path / "s", TrackOptions(annotations=path, rate_hz=100.0))
+    found = Scene.open(tmp_path / "s").tracks()
+    np.testing.assert_allclose(found.time_s, times[found.frame], atol=1e-3)
+    assert len(found) == 80
+    track(video, camera, tmp_path / "t", TrackOptions(annotations=path, fps=10.0))
+    told = Scene.open(tmp_path / "t").tracks()
+    np.testing.assert_allclose(told.time_s, told.frame / 10, atol=1e-9)
+
+
+def test_footage_is_remembered_beside_its_annotations(tmp_path, camera):
+    video = write_video(tmp_path / "yard.avi", seconds=2)
+    path = boxes_file(tmp_path, [(frame, 1) for frame in range(20)])
+    track(video, camera, tmp_path / "s", TrackOptions(annotations=path))
+    (run,) = Scene.open(tmp_path / "s").runs
+    assert run.provenance["source"] == str(video)
+    assert run.provenance["annotations"] == str(path)
+    assert run.camera == "yard"
+    assert footage_of(run, None, alone=True) == video
+
+
+def test_a_camera_that_sees_nobody_on_the_ground_is_told(tmp_path):
+    """One that looks at the sky sees all feet above the horizon."""
+    low = Camera.from_pose(
+        image_size=SIZE, focal_px=600.0, tilt_rad=-0.6, roll_rad=0.0, height_m=3.0
+    )
+    path = boxes_file(tmp_path, [(frame, 1) for frame in range(20)])
+    run = track(None, low, tmp_path / "s", TrackOptions(annotations=path, fps=10.0))
+    assert run.without_position == run.rows == 20
+    assert "20 of 20 rows have no position" in run.warnings[-1]
+    good = track(None, CAMERA, tmp_path / "t", TrackOptions(annotations=path, fps=10.0))
+    assert good.without_position == 0
+    assert not good.warnings
+
+
+@pytest.mark.parametrize(
+    ("score", "body", "moves", "kept"),
+    [
+        (0.45, 0.2, False, False),  # a signpost
+        (0.45, 0.2, True, True),
+        (0.45, 0.6, False, True),  # seated, and seen badly
+        (0.85, 0.2, False, True),
+        (0.45, None, False, True),  # nobody looked for bodies
+    ],
+)
+def test_what_neither_moves_nor_has_a_body_is_nobody(score, body, moves, kept):
+    rng = np.random.default_rng(1)
+    n = 60
+    frames = np.arange(n)
+    box = np.array([person_box(places(t)[0] if moves else places(0)[0]) for t in frames / FPS])
+    looked_for = (
+        {}
+        if body is None
+        else {
+            "keypoint_names": HALPE26,
+            "keypoint_uv": np.full((n, 26, 2), 100.0),
+            "keypoint_score": rng.uniform(body - 0.1, body + 0.1, (n, 26)),
+        }
+    )
+    found = Detections.from_boxes(
+        SIZE,
+        frames,
+        box + rng.normal(0, 0.5, (n, 4)),
+        time_s=frames / FPS,
+        score=np.full(n, score),
+        **looked_for,
+    )
+    looks = [Look(frames, frames / FPS, found)]
+    calibration = Calibration.of_camera(CAMERA)
+    parts = follow(looks, calibration, 1.70, trusted=False)
+    assert (sum(map(len, parts)) == n) is kept
+    assert sum(map(len, follow(looks, calibration, 1.70, trusted=True))) == n
+
+
+def test_what_is_seen_twice_is_nobody():
+    frames = np.arange(4)
+    found = Detections.from_boxes(
+        SIZE, frames[:2], np.array([car_box([0.5, 20.0])] * 2), time_s=frames[:2] / FPS,
+        class_name=np.array(["car", "car"]),
+    )  # fmt: skip
+    looks = [Look(frames, frames / FPS, found)]
+    for trusted, rows in ((False, 0), (True, 2)):
+        parts = follow(looks, Calibration.of_camera(CAMERA), 1.70, trusted=trusted)
+        assert sum(map(len, parts)) == rows
+
+
+def test_an_undetermined_calibration_is_no_camera(tmp_path):
+    nothing = replace(Calibration.of_camera(CAMERA), camera=None)
+    with pytest.raises(InputError, match="undetermined"):
+        track("x.avi", nothing, tmp_path)
+
+
 def test_annotations_of_other_footage_are_refused(tmp_path, camera):
     video = write_video(tmp_path / "yard.avi", seconds=1)
     path = boxes_file(tmp_path, [(frame, 1) for frame in range(20)])
     with pytest.raises(InputError, match=r"annotates frame 19 .* has 10 frames"):
-        track_scene(video, tmp_path / "scene", TrackOptions(camera, annotations=path), Silent())
+        track(video, camera, tmp_path / "scene", TrackOptions(annotations=path))
     assert not (tmp_path / "scene").exists()
 
 
@@ -185,8 +361,8 @@ def test_detections_and_annotations_of_one_clip_are_two_runs(tmp_path, camera, d
     video = write_video(tmp_path / "yard.avi", seconds=2)
     path = boxes_file(tmp_path, [(frame, 1) for frame in range(20)])
     detector()
-    track_scene(video, tmp_path / "scene", TrackOptions(camera), Silent())
-    track_scene(video, tmp_path / "scene", TrackOptions(camera, annotations=path), Silent())
+    track(video, camera, tmp_path / "scene")
+    track(video, camera, tmp_path / "scene", TrackOptions(annotations=path))
     assert [run.rows for run in Scene.open(tmp_path / "scene").runs] == [60, 20]
 
 
@@ -195,4 +371,4 @@ def test_a_single_picture_is_no_footage(tmp_path, camera):
 
     cv2.imwrite(str(tmp_path / "photo.png"), ground())
     with pytest.raises(InputError, match="is a single picture"):
-        track_scene(tmp_path / "photo.png", tmp_path / "scene", TrackOptions(camera), Silent())
+        track(tmp_path / "photo.png", camera, tmp_path / "scene")

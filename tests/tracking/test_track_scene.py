@@ -1,4 +1,4 @@
-"""``track_scene``: from footage or annotations to a scene on disk, killed and resumed."""
+"""``track``: from footage or annotations to a scene on disk, killed and resumed."""
 
 import json
 from pathlib import Path
@@ -9,10 +9,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from scene4d.core.errors import InputError
-from scene4d.core.progress import Silent
 from scene4d.core.tracks import Tracks
 from scene4d.store.query import Scene
-from scene4d.tracking import TrackOptions, counting, sampling, sketch, track_scene
+from scene4d.tracking import TrackOptions, running, track, watching
 from scene4d.tracking.placing import bottoms_hidden
 from walks import (
     CAMERA,
@@ -53,8 +52,8 @@ def assert_true(tracks: Tracks, *, people: int = 2, within_m: float = 0.25) -> N
 def test_annotated_boxes_become_a_scene(tmp_path, camera, tracks):
     boxes = tmp_path / "boxes.txt"
     boxes.write_text(mot_text(tracks=tracks))
-    options = TrackOptions(camera, annotations=boxes, fps=float(FPS), name="yard")
-    run = track_scene(None, tmp_path / "scene", options, Silent())
+    options = TrackOptions(annotations=boxes, fps=float(FPS), name="yard")
+    run = track(None, camera, tmp_path / "scene", options)
     assert run.tracks == {"person": 2}
     assert run.rows == 2 * FPS * SECONDS
     found = tracked(tmp_path / "scene")
@@ -67,8 +66,8 @@ def test_annotated_boxes_become_a_scene(tmp_path, camera, tracks):
 def test_the_rate_thins_annotated_frames(tmp_path, camera):
     boxes = tmp_path / "boxes.txt"
     boxes.write_text(mot_text(tracks=True))
-    options = TrackOptions(camera, annotations=boxes, fps=float(FPS), rate_hz=2.0)
-    run = track_scene(None, tmp_path / "scene", options, Silent())
+    options = TrackOptions(annotations=boxes, fps=float(FPS), rate_hz=2.0)
+    run = track(None, camera, tmp_path / "scene", options)
     assert run.rows == 2 * 2 * SECONDS
     assert len(np.unique(tracked(tmp_path / "scene").time_s)) == 2 * SECONDS
 
@@ -76,7 +75,7 @@ def test_the_rate_thins_annotated_frames(tmp_path, camera):
 def test_a_video_becomes_a_scene_with_a_parked_car(tmp_path, camera, detector):
     used = detector()
     video = write_video(tmp_path / "yard.avi")
-    run = track_scene(video, tmp_path / "scene", TrackOptions(camera), Silent())
+    run = track(video, camera, tmp_path / "scene")
     assert used.seen == list(range(FPS * SECONDS))
     assert run.tracks == {"person": 2, "car": 1}
     found = tracked(tmp_path / "scene")
@@ -93,23 +92,23 @@ def columns(scene: Path) -> dict[str, list]:
 
 
 def test_a_killed_run_goes_on_and_ends_the_same(tmp_path, camera, detector, monkeypatch):
-    monkeypatch.setattr(sampling, "CHUNK_S", 2.0)
+    monkeypatch.setattr(watching, "_CHUNK_S", 2.0)
     video = write_video(tmp_path / "yard.avi")
     detector()
-    track_scene(video, tmp_path / "whole", TrackOptions(camera), Silent())
+    track(video, camera, tmp_path / "whole")
     for until in (5, 33, 55):
         killed = detector(until)
         with pytest.raises(KeyboardInterrupt):
-            track_scene(video, tmp_path / "again", TrackOptions(camera), Silent())
+            track(video, camera, tmp_path / "again")
         assert not list((tmp_path / "again").rglob("*.parquet"))
     assert killed.seen[0] == 20, "what was seen before 2 s is not seen again"
     last = detector()
-    run = track_scene(video, tmp_path / "again", TrackOptions(camera), Silent())
+    run = track(video, camera, tmp_path / "again")
     assert (run.resumed, last.seen[0]) == (2, 40)
     assert columns(tmp_path / "again") == columns(tmp_path / "whole")
     # Once more: nothing is detected again, and nothing is there twice.
     idle = detector()
-    track_scene(video, tmp_path / "again", TrackOptions(camera), Silent())
+    track(video, camera, tmp_path / "again")
     assert idle.seen == []
     assert columns(tmp_path / "again") == columns(tmp_path / "whole")
 
@@ -117,11 +116,11 @@ def test_a_killed_run_goes_on_and_ends_the_same(tmp_path, camera, detector, monk
 def test_a_second_run_adds_to_the_scene(tmp_path, camera, detector):
     detector()
     for name in ("a.avi", "b.avi"):
-        track_scene(
+        track(
             write_video(tmp_path / name, seconds=3),
+            camera,
             tmp_path / "scene",
-            TrackOptions(camera, name="gate"),
-            Silent(),
+            TrackOptions(name="gate"),
         )
     scene = Scene.open(tmp_path / "scene")
     assert len(scene.runs) == 2
@@ -137,24 +136,24 @@ def test_a_camera_that_moved_since_it_was_calibrated_is_refused(
     video = write_video(tmp_path / "yard.avi")
     if moved:
         with pytest.raises(InputError, match=r"has moved by 2\d px since the camera was calib"):
-            track_scene(video, tmp_path / "scene", TrackOptions(camera), Silent())
+            track(video, camera, tmp_path / "scene")
         assert not list((tmp_path / "scene").rglob("*.parquet"))
     else:
-        assert not track_scene(video, tmp_path / "scene", TrackOptions(camera), Silent()).warnings
+        assert not track(video, camera, tmp_path / "scene").warnings
 
 
 def test_footage_of_another_size_is_refused(tmp_path, camera, detector):
     detector()
     video = write_video(tmp_path / "small.avi", seconds=1, size=(320, 240))
     with pytest.raises(InputError, match="is 320x240, but the camera was calibrated on 640x480"):
-        track_scene(video, tmp_path / "scene", TrackOptions(camera), Silent())
+        track(video, camera, tmp_path / "scene")
 
 
 def test_annotations_without_a_clock_are_refused(tmp_path, camera):
     boxes = tmp_path / "boxes.txt"
     boxes.write_text(mot_text(tracks=True))
-    with pytest.raises(InputError, match=r"boxes.txt: frames need times.*--fps"):
-        track_scene(None, tmp_path / "scene", TrackOptions(camera, annotations=boxes), Silent())
+    with pytest.raises(InputError, match=r"boxes.txt: frames need times: give the footage, or fps"):
+        track(None, camera, tmp_path / "scene", TrackOptions(annotations=boxes))
 
 
 @pytest.mark.parametrize(
@@ -163,14 +162,14 @@ def test_annotations_without_a_clock_are_refused(tmp_path, camera):
 )
 def test_impossible_options_are_refused(changed, message):
     with pytest.raises(InputError, match=message):
-        TrackOptions("camera.json", **changed)
+        TrackOptions(**changed)
 
 
 def test_a_lens_is_no_camera(tmp_path):
     lens = tmp_path / "lens.json"
     lens.write_text(json.dumps({"K": CAMERA.K.tolist(), "image_size": list(SIZE)}))
     with pytest.raises(InputError, match=r"lens.json"):
-        track_scene(tmp_path / "x.avi", tmp_path / "scene", TrackOptions(lens), Silent())
+        track(tmp_path / "x.avi", lens, tmp_path / "scene")
 
 
 def test_what_stands_before_a_car_hides_its_wheels():
@@ -183,40 +182,15 @@ def test_what_stands_before_a_car_hides_its_wheels():
 
 
 def test_the_picture_of_a_long_run_stays_small(tmp_path, camera, monkeypatch):
-    monkeypatch.setattr(sketch, "MOST_ROWS", 60)
+    monkeypatch.setattr(running, "_MOST_DRAWN", 60)
     boxes = tmp_path / "boxes.txt"
     boxes.write_text(mot_text(tracks=True))
-    options = TrackOptions(camera, annotations=boxes, fps=float(FPS))
-    kept = []
-    draw = sketch.Sketch.draw
+    options = TrackOptions(annotations=boxes, fps=float(FPS))
+    drawn = []
+    draw = running._drawn
     monkeypatch.setattr(
-        sketch.Sketch, "draw", lambda self, *a: kept.append(self._rows) or draw(self, *a)
+        running, "_drawn", lambda job, paths: drawn.append(paths) or draw(job, paths)
     )
-    run = track_scene(None, tmp_path / "scene", options, Silent())
+    run = track(None, camera, tmp_path / "scene", options)
     assert run.picture.stat().st_size > 10_000
-    assert 20 < kept[0] <= 60 < run.rows
-
-
-def test_tracks_are_counted_without_remembering_all():
-    def rows(track, time_s, name="person"):
-        n = len(track)
-        nothing, square = np.full(n, np.nan), np.full((n, 2, 2), np.nan)
-        return Tracks(
-            track=np.array(track, np.int64), class_name=np.full(n, name),
-            time_s=np.array(time_s, float),
-            frame=np.arange(n), xy_m=np.full((n, 2), np.nan), covariance_m2=square,
-            shared_covariance_m2=square, velocity_mps=np.full((n, 2), np.nan),
-            velocity_covariance=square, heading_rad=nothing, heading_sigma_rad=nothing,
-            box_xyxy=np.full((n, 4), np.nan), keypoint_uv=np.empty((n, 0, 2)),
-            keypoint_score=np.empty((n, 0)), score=nothing, observed=np.ones(n, bool),
-        )  # fmt: skip
-
-    count = counting.TrackCount()
-    count.add(rows([1, 1, 2], [0, 1, 1]))
-    count.add(rows([2, 3], [2, 2], "car"))
-    count.add(rows([], []))
-    assert count.by_class() == {"person": 2, "car": 1}
-    for hour in range(1, 50):
-        count.add(rows([10 + hour], [3600 * hour]))
-    assert count.by_class()["person"] == 51
-    assert len(count._last_s) == 1
+    assert 20 < sum(len(xy) for _, xy in drawn[0].values()) <= 62 < run.rows

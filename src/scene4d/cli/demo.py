@@ -81,11 +81,12 @@ def _show(camera: Answer, chain: "SearchResult | None", out: Path) -> None:
 def _tracked_and_searched(video: Path, out: Path, progress: "Progress") -> "SearchResult":
     from scene4d.searching import SearchOptions, answer, understand
     from scene4d.store.query import Scene
-    from scene4d.tracking import TrackOptions, track_scene
+    from scene4d.tracking import TrackOptions, track
     from scene4d.video.sample import first_seconds
 
     clip = first_seconds(video, out / "pets.avi", _TRACKED_S)
-    track_scene(clip, out / "scene", TrackOptions(out / "camera.json", rate_hz=_RATE_HZ), progress)
+    options = TrackOptions(rate_hz=_RATE_HZ)
+    track(clip, out / "camera.json", out / "scene", options, progress=progress)
     found = answer(understand(Scene.open(out / "scene"), _SEARCH, SearchOptions()), progress)
     found.save(out / "search", command=None, progress=progress)
     return found

@@ -156,10 +156,10 @@ def track(
             "is for --annotations; --rate says how often footage is looked at", param_hint="--fps"
         )
     height_m = None if person_height is None else parse_person_height(person_height)
-    from scene4d.tracking import TrackOptions, track_scene
+    from scene4d.tracking import TrackOptions
+    from scene4d.tracking import track as follow_footage
 
     options = TrackOptions(
-        camera=camera,
         annotations=annotations,
         name=name,
         start=None if start is None else _parse_start(start),
@@ -171,7 +171,7 @@ def track(
         detector=detector,
     )
     with output_folder(out), job.progress() as progress:
-        run = track_scene(source, out, options, progress)
+        run = follow_footage(source, camera, out, options, progress=progress)
     return Answer(run.to_dict(), lambda: _show(run), run.warnings)
 
 

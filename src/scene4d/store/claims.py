@@ -7,7 +7,8 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from scene4d.core.errors import InputError
-from scene4d.core.files import read_json, write_json
+from scene4d.core.files import write_json
+from scene4d.core.json_object import JsonObject
 
 
 @dataclass(frozen=True)
@@ -86,9 +87,8 @@ def _is_locked(path: Path) -> bool:
 def read_claim(path: Path) -> Claimed | None:
     """What a claim says; None where its writer was killed before it said anything."""
     try:
-        said = read_json(path)
-        found = Claimed(**said)
-    except (InputError, TypeError):
+        said = JsonObject.read(path)
+        base, pid = (said.integer(name, least=0) for name in ("track_base", "pid"))
+        return Claimed(said.text("run"), said.text("camera"), base, pid)
+    except InputError:
         return None
-    whole = type(found.track_base) is int and type(found.pid) is int
-    return found if whole and isinstance(found.run, str) and isinstance(found.camera, str) else None

@@ -33,9 +33,10 @@ _ABSENT = "nothing"
 
 
 @dataclass(frozen=True, eq=False)
-class Logged:
-    """A chunk: the frames (m,) that were looked at, with their times, whether they showed anything
-    or not; what was detected in them; and what each detection looks like, None where nothing did.
+class Look:
+    """What was seen in some successive frames (m,), all of those that were looked at, with their
+    times; ``detections`` are ordered by frame. ``appearance`` is what each of them looks like, None
+    where nobody knows.
 
     Raises :class:`InputError` where the parts do not belong together.
     """
@@ -55,6 +56,13 @@ class Logged:
             raise InputError(f"frames: {len(self.frame)} have {len(self.time_s)} times")
         if not np.isin(self.detections.frame, self.frame).all():
             raise InputError("detections: some are of a frame that was not looked at")
+
+    def frames(self) -> Iterator[tuple[int, float, Int[np.ndarray, "k"]]]:
+        """Number and time of each frame, and which rows are of it."""
+        begins = np.searchsorted(self.detections.frame, self.frame)
+        ends = np.searchsorted(self.detections.frame, self.frame, side="right")
+        for frame, time_s, begin, end in zip(self.frame, self.time_s, begins, ends, strict=True):
+            yield int(frame), float(time_s), np.arange(begin, end)
 
 
 class DetectionLog:
@@ -96,7 +104,7 @@ class DetectionLog:
         """Whether there are no more chunks to come."""
         return self._finished_path.exists()
 
-    def append(self, logged: "Logged") -> None:
+    def append(self, look: Look) -> None:
         """Write the next chunk, atomically.
 
         Raises :class:`InputError` where the log is finished, and :class:`OutputError` where the
@@ -104,20 +112,20 @@ class DetectionLog:
         """
         if self.finished:
             raise InputError(f"{self._folder}: is finished, nothing can be added")
-        detections = logged.detections
+        detections = look.detections
         columns: dict[str, Any] = {
             f.name: np.asarray(getattr(detections, f.name)) for f in fields(Detections)
         }
         columns["class_name"] = detections.class_name.astype(str)  # objects would be pickled
-        columns |= {_FRAMES: logged.frame, _TIMES: logged.time_s}
-        if logged.appearance is not None:
-            columns[_APPEARANCE] = logged.appearance
+        columns |= {_FRAMES: look.frame, _TIMES: look.time_s}
+        if look.appearance is not None:
+            columns[_APPEARANCE] = look.appearance
         content = io.BytesIO()
         np.savez(content, **columns)
         write_bytes(self._path(self._complete), content.getvalue())
         self._complete += 1
 
-    def chunks(self) -> Iterator["Logged"]:
+    def chunks(self) -> Iterator[Look]:
         """The complete chunks in order, one in memory at a time.
 
         Raises :class:`InputError` for a damaged file, naming it.
@@ -180,7 +188,7 @@ def _shown(leaves: dict[str, Any], name: str) -> str:
     return json.dumps(leaves[name]) if name in leaves else _ABSENT
 
 
-def _read_chunk(path: Path) -> Logged:
+def _read_chunk(path: Path) -> Look:
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             columns = {name: file[name] for name in file.files}
@@ -188,7 +196,7 @@ def _read_chunk(path: Path) -> Logged:
         appearance = columns.pop(_APPEARANCE, None)
         for name in ("image_size", "keypoint_names"):
             columns[name] = tuple(columns[name].tolist())
-        return Logged(frame, time_s, Detections(**columns), appearance)
+        return Look(frame, time_s, Detections(**columns), appearance)
     except (OSError, ValueError, EOFError, KeyError, TypeError, zipfile.BadZipFile) as error:
         raise InputError(
             f"{path}: is damaged: {error}; remove it, and it is detected again"

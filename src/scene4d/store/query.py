@@ -190,6 +190,14 @@ class Scene:
             for start, part in zip(starts, np.split(xy, starts[1:]), strict=True)
         }
 
+    def track_counts(self) -> dict[str, int]:
+        """Numbers of tracks by class (the one that most rows have), the most frequent first."""
+        found = self.sql(
+            "SELECT class, count(*) AS n FROM (SELECT mode(class) AS class FROM scene "
+            "GROUP BY track) GROUP BY class ORDER BY n DESC, class"
+        )
+        return dict(zip(found["class"].to_pylist(), found["n"].to_pylist(), strict=True))
+
     def _repr_html_(self) -> str:
         from scene4d.store.notebook import scene_html
 

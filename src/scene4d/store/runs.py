@@ -12,20 +12,19 @@ import hashlib
 import re
 from dataclasses import asdict, dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, TypeVar
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
 
 from scene4d.core.errors import InputError
-from scene4d.core.files import read_json
-from scene4d.core.text import quoted
+from scene4d.core.json_object import JsonObject
 from scene4d.store.schema import COLUMNS, SCENE_SCHEMA, time_ns
 
 _LONGEST = 200
 """Bytes of a name in a path: file systems take 255, and endings are added to it."""
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
-T = TypeVar("T")
+_MOST_NS = 2**63
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
@@ -113,91 +112,43 @@ class Run:
     @classmethod
     def load(cls, path: Path) -> "Run":
         """A manifest; raises :class:`InputError` naming the field that is missing or wrong."""
-        values = read_json(path)
-        found = values.get("schema") if isinstance(values, dict) else None
-        if found != SCENE_SCHEMA:
-            raise InputError(
-                f"{path}: schema is {quoted(found)}, expected {SCENE_SCHEMA!r}; a newer "
-                "version of scene4d may read it"
-            )
-        said = _Said(str(path), values)
-        classes = _Said(f"{path}: classes", said.get("classes", dict))
-        parts = said.get("parts", list)
+        said = JsonObject.read(path, SCENE_SCHEMA)
+        classes = said.object("classes")
+        start_ns = said.value("start_ns")
+        if type(start_ns) is not int or not -_MOST_NS < start_ns < _MOST_NS:
+            raise said.error("start_ns", "nanoseconds since 1970 in 64 bits")
+        said.object("provenance")
         return cls(
-            run=said.get("run", str),
-            camera=said.get("camera", str),
-            start_ns=said.whole("start_ns", least=-_MOST),
-            start_known=said.get("start_known", bool),
-            track_base=said.whole("track_base"),
-            keypoints=said.whole("keypoints"),
-            rows=said.whole("rows"),
-            classes={name: classes.whole(name) for name in classes.values},
-            parts=tuple(_part(f"{path}: parts[{i}]", part) for i, part in enumerate(parts)),
-            software=said.get("software", str),
-            provenance=said.get("provenance", dict),
+            run=said.text("run"),
+            camera=said.text("camera"),
+            start_ns=start_ns,
+            start_known=said.flag("start_known"),
+            track_base=said.integer("track_base", least=0),
+            keypoints=said.integer("keypoints", least=0),
+            rows=said.integer("rows", least=0),
+            classes={name: classes.integer(name, least=0) for name in classes.names()},
+            parts=tuple(map(_part, said.objects("parts"))),
+            software=said.text("software"),
+            provenance=said.value("provenance"),
         )
 
 
-@dataclass(frozen=True)
-class _Said:
-    """A JSON object whose fields are asked for by type; ``where`` is what messages call it."""
-
-    where: str
-    values: dict[str, Any]
-
-    def get(self, name: str, kind: type[T]) -> T:
-        """A field; raises :class:`InputError` where it is missing or of another type."""
-        if name not in self.values:
-            raise InputError(f"{self.where}: has no field {name!r}")
-        value = self.values[name]
-        if kind is float and type(value) is int and abs(value) < _MOST:
-            value = float(value)
-        if type(value) is not kind:
-            raise self.wrong(name, _KINDS[kind])
-        return value
-
-    def whole(self, name: str, least: int = 0) -> int:
-        """A whole number from ``least`` on."""
-        value = self.get(name, int)
-        if not least <= value < _MOST:
-            raise self.wrong(name, f"a whole number from {least} on")
-        return value
-
-    def wrong(self, name: str, expected: str) -> InputError:
-        """The error for a field that is not as expected."""
-        found = quoted(self.values[name])
-        return InputError(f"{self.where}: {name}: found {found}, expected {expected}")
-
-
-_MOST = 2**63
-_KINDS: dict[type, str] = {
-    str: "a text",
-    bool: "true or false",
-    int: "a whole number",
-    float: "a number",
-    dict: "an object",
-    list: "a list",
-}
-
-
-def _part(where: str, values: Any) -> Part:
+def _part(said: JsonObject) -> Part:
     """One part; its path stays below the scene's ``tracks``."""
-    if not isinstance(values, dict):
-        raise InputError(f"{where}: found {quoted(values)}, expected an object")
-    said = _Said(where, values)
-    path = said.get("path", str)
+    path = said.text("path")
     steps = PurePosixPath(path).parts
     if "\\" in path or ":" in path or ".." in steps or steps[:1] != ("tracks",):
-        raise said.wrong("path", "a path below the scene's folder tracks/")
-    if values.get("sha256") is not None and not _SHA256.fullmatch(said.get("sha256", str)):
-        raise said.wrong("sha256", "64 hexadecimal digits")
+        raise said.error("path", "a path below the scene's folder tracks/")
+    sha256 = said.text("sha256") if "sha256" in said else None
+    if sha256 is not None and not _SHA256.fullmatch(sha256):
+        raise said.error("sha256", "64 hexadecimal digits")
     return Part(
         path=path,
-        rows=said.whole("rows"),
-        bytes=said.whole("bytes"),
-        begin_s=said.get("begin_s", float),
-        end_s=said.get("end_s", float),
-        sha256=values.get("sha256"),
+        rows=said.integer("rows", least=0),
+        bytes=said.integer("bytes", least=0),
+        begin_s=said.number("begin_s"),
+        end_s=said.number("end_s"),
+        sha256=sha256,
     )
 
 

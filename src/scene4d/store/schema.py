@@ -23,7 +23,7 @@ RUN_TRACKS = 10**9
 """Track numbers that a run has for itself: the n-th run of a scene begins at n times this."""
 _ROWS_PER_GROUP = 32_768
 """Rows that Parquet readers can skip at once."""
-_LONGEST_S = 2e9
+LONGEST_S = 2e9
 """Footage is shorter than this; 64 bits of nanoseconds hold 9e9 s."""
 _NS = 1_000_000_000
 
@@ -103,7 +103,7 @@ def check_tracks(tracks: Tracks) -> None:
     """Raise :class:`InputError` for rows that a scene cannot hold, naming the first of them."""
     reasons = (
         (~np.isin(tracks.class_name, CLASSES), "class_name", f"one of {', '.join(CLASSES)}"),
-        (~(np.abs(tracks.time_s) < _LONGEST_S), "time_s", f"seconds below {_LONGEST_S:.0e}"),
+        (~(np.abs(tracks.time_s) < LONGEST_S), "time_s", f"seconds below {LONGEST_S:.0e}"),
         (~((tracks.track >= 0) & (tracks.track < RUN_TRACKS)), "track", f"0 to {RUN_TRACKS - 1}"),
     )
     for bad, name, expected in reasons:

@@ -4,7 +4,7 @@ What a final row may differ in from :func:`.smooth` over the whole recording:
 
 - its position knows no sightings more than ``lag_s`` later. For moving objects these say nothing
   (the difference is below 2 mm at 10 Hz); the average of a standing vehicle goes on improving;
-- its class is the most frequent so far, and ``min_sightings`` are counted so far;
+- its class is the most frequent so far;
 - sightings that have been forgotten keep the weight that they had.
 
 Gaps are bridged at the same frames: ``lag_s`` is longer than ``max_gap_s``.

@@ -1,6 +1,6 @@
-"""From placed sightings to smooth tracks, in a stream."""
+"""From looks to smooth tracks, in a stream: placed, associated, smoothed, believed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,95 +11,98 @@ from scene4d.core.camera import Camera
 from scene4d.core.people import Detections
 from scene4d.core.progress import timed
 from scene4d.core.tracks import VEHICLES, Located, Tracks
+from scene4d.store.log import Look
 from scene4d.tracking.association import GroundTracker
-from scene4d.tracking.counting import FORGET_S
+from scene4d.tracking.belief import Belief
 from scene4d.tracking.fixed_lag import FixedLagSmoother
-from scene4d.tracking.options import TrackRun
 from scene4d.tracking.placing import bottoms_hidden, place, shared_covariance
 from scene4d.tracking.sightings import Sightings
 from scene4d.tracking.smoothing import Smoothed, SmoothingSettings, smooth
 from scene4d.tracking.vehicles import locate_vehicles
 
+_FORGET_S = 1800.0
+"""What a track was is forgotten so long after it was last seen. Vehicles that stood are still
+associated after 600 s."""
 
-@dataclass(frozen=True, eq=False)
-class Look:
-    """What was seen in some successive frames (m,), all of those that were looked at.
 
-    ``appearance`` (n, d) belongs to the rows of ``detections``, or is None.
+def follow(
+    looks: Iterable[Look],
+    calibration: Calibration,
+    person_height_m: float,
+    *,
+    trusted: bool,
+    timings: dict[str, float] | None = None,
+) -> Iterator[Tracks]:
+    """Rows of tracks that have become final, about every ten seconds, and at the end what is left.
+
+    Detections that have tracks keep them. What is ``trusted`` was annotated: everybody is believed
+    at once. Memory does not grow with the length of the footage.
     """
-
-    frame: Int[np.ndarray, "m"]
-    time_s: Float[np.ndarray, "m"]
-    detections: Detections
-    appearance: np.ndarray | None = None
-
-    def frames(self) -> Iterator[tuple[int, float, Int[np.ndarray, "k"]]]:
-        """Number and time of each frame, and which rows are of it: they are ordered by frame."""
-        begins = np.searchsorted(self.detections.frame, self.frame)
-        ends = np.searchsorted(self.detections.frame, self.frame, side="right")
-        for frame, time_s, begin, end in zip(self.frame, self.time_s, begins, ends, strict=True):
-            yield int(frame), float(time_s), np.arange(begin, end)
+    follower = _Follower(
+        calibration,
+        person_height_m,
+        None if trusted else Belief(),
+        {} if timings is None else timings,
+    )
+    for look in looks:
+        yield from follower.follow(look)
+    yield follower.finish()
 
 
-class Follower:
-    """Takes looks in order of time, and gives the tracks that have become final.
-
-    Detections that have tracks keep them. Memory does not grow with the length of the footage.
-    """
+class _Follower:
+    """Takes looks in order of time."""
 
     def __init__(
         self,
         calibration: Calibration,
         person_height_m: float,
-        run: TrackRun,
-        *,
-        min_sightings: int = 1,
+        belief: Belief | None,
+        timings: dict[str, float],
     ) -> None:
         assert calibration.camera is not None
         self._calibration = calibration
         self._camera: Camera = calibration.camera
         self._person_height_m = person_height_m
-        self._settings = settings = SmoothingSettings(min_sightings=min_sightings)
-        self._run = run
+        self._belief = belief
+        self._timings = timings
         self._tracker = GroundTracker()
-        self._smoother = FixedLagSmoother(settings)
+        self._smoother = FixedLagSmoother()
         self._held: list[tuple[int, Detections, Located]] = []  # with the number of the first row
         self._rows = 0
         self._headings: dict[int, tuple[float, float]] = {}  # last heading in motion, and when
 
     def follow(self, look: Look) -> Iterator[Tracks]:
         """Add some frames."""
-        timings = self._run.timings
-        with timed(timings, "place"):
-            hidden = bottoms_hidden(look.detections)
-            located = place(look.detections, self._camera, self._person_height_m, hidden)
-        with timed(timings, "associate"):
-            track = self._associate(look, located)
-        with timed(timings, "place"):
-            located = self._with_headings(look, located, track, hidden)
-        self._run.without_position += int((~located.known).sum())
-        seen = Sightings(
-            track,
-            look.detections.class_name,
-            look.detections.time_s,
-            look.detections.frame,
-            located.xy_m,
-            located.covariance_m2,
-        )
+        seen, located = self._sightings(look)
         self._held.append((self._rows, look.detections, located))
-        self._rows += len(track)
+        self._rows += len(seen)
         for frame, time_s, rows in look.frames():
-            with timed(timings, "smooth"):
+            with timed(self._timings, "smooth"):
                 final = self._smoother.update(time_s, frame, seen.select(rows))
             if final is not None:
                 yield self._tracks(final)
-                self._forget(time_s - self._settings.lag_s)
+                self._forget(time_s - SmoothingSettings.lag_s)
 
     def finish(self) -> Tracks:
         """All that is left."""
-        with timed(self._run.timings, "smooth"):
+        with timed(self._timings, "smooth"):
             final = self._smoother.finish()
         return self._tracks(final)
+
+    def _sightings(self, look: Look) -> tuple[Sightings, Located]:
+        """Where everything stands, and whose track it is."""
+        d = look.detections
+        with timed(self._timings, "place"):
+            hidden = bottoms_hidden(d)
+            located = place(d, self._camera, self._person_height_m, hidden)
+        with timed(self._timings, "associate"):
+            track = self._associate(look, located)
+        with timed(self._timings, "place"):
+            seen = _sightings(d, track, located)
+            located = self._with_headings(d, seen, located, hidden)
+        if self._belief is not None:
+            self._belief.add(track, d, located)
+        return _sightings(d, track, located), located
 
     def _associate(self, look: Look, located: Located) -> Int[np.ndarray, "n"]:
         """Track numbers of all rows: those they have, else those of the tracker."""
@@ -117,29 +120,11 @@ class Follower:
         return track
 
     def _with_headings(
-        self,
-        look: Look,
-        located: Located,
-        track: Int[np.ndarray, "n"],
-        hidden: Bool[np.ndarray, "n"],
+        self, d: Detections, seen: Sightings, located: Located, hidden: Bool[np.ndarray, "n"]
     ) -> Located:
         """Vehicles placed again with the heading of their motion, where they move."""
-        d = look.detections
-        moving = np.isin(d.class_name, VEHICLES) & located.known
-        if not moving.any():
-            return located
-        rows = np.flatnonzero(moving)
-        rough = smooth(
-            Sightings(
-                track[rows],
-                d.class_name[rows],
-                d.time_s[rows],
-                d.frame[rows],
-                located.xy_m[rows],
-                located.covariance_m2[rows],
-            ),
-            settings=self._settings,
-        )
+        rows = np.flatnonzero(np.isin(d.class_name, VEHICLES) & located.known)
+        rough = smooth(seen.select(rows))
         heading, sigma = np.full((2, len(d)), np.nan)
         heading[rows[rough.source]] = rough.heading_rad
         sigma[rows[rough.source]] = rough.heading_sigma_rad
@@ -159,15 +144,19 @@ class Follower:
 
     def _forget(self, until_s: float) -> None:
         self._held = [part for part in self._held if (part[1].time_s > until_s).any()]
-        oldest = until_s - FORGET_S
+        oldest = until_s - _FORGET_S
         self._headings = {t: seen for t, seen in self._headings.items() if seen[1] >= oldest}
+        if self._belief is not None:
+            self._belief.forget(oldest)
 
     def _tracks(self, final: Smoothed) -> Tracks:
-        """Smooth rows with what was seen at each of them."""
-        with timed(self._run.timings, "smooth"):
-            found = _joined(final, self._held)
+        """Smooth rows of the tracks that are believed, with what was seen at each of them."""
+        if self._belief is not None:
+            final = final.select(self._belief.holds(final.track))
+        with timed(self._timings, "smooth"):
+            found = _seen_at(final.source, self._held)
             with_camera = shared_covariance(self._calibration, final.xy_m)
-            heading, sigma = self._all_headings(final, found.heading, found.heading_sigma)
+            heading, sigma = self._all_headings(final, found)
         return Tracks(
             track=final.track,
             class_name=final.class_name,
@@ -187,18 +176,16 @@ class Follower:
             observed=final.observed,
         )
 
-    def _all_headings(
-        self, final: Smoothed, shape: np.ndarray, shape_sigma: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _all_headings(self, final: Smoothed, found: "_Seen") -> tuple[np.ndarray, np.ndarray]:
         """Headings of the motion; where nothing moves, those of bodies and of vehicles' shapes.
 
         The shape of a vehicle does not tell front from back: the last motion does; where there was
         none, the spread is NaN.
         """
         moving = np.isfinite(final.heading_rad)
-        heading = np.where(moving, final.heading_rad, shape)
-        sigma = np.where(moving, final.heading_sigma_rad, np.abs(shape_sigma))
-        axis = ~moving & (shape_sigma < 0)
+        heading = np.where(moving, final.heading_rad, found.heading)
+        sigma = np.where(moving, final.heading_sigma_rad, found.heading_sigma)
+        axis = ~moving & found.heading_is_axis
         for row in np.flatnonzero(axis | moving):
             track = int(final.track[row])
             if moving[row]:
@@ -212,38 +199,45 @@ class Follower:
         return heading, sigma
 
 
+def _sightings(d: Detections, track: Int[np.ndarray, "n"], located: Located) -> Sightings:
+    return Sightings(track, d.class_name, d.time_s, d.frame, located.xy_m, located.covariance_m2)
+
+
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """What was seen at smooth rows, NaN where a gap is bridged; axes have a negative spread."""
+    """What was seen at smooth rows, NaN where a gap is bridged."""
 
-    box_xyxy: np.ndarray
-    keypoint_uv: np.ndarray
-    keypoint_score: np.ndarray
-    score: np.ndarray
-    heading: np.ndarray
-    heading_sigma: np.ndarray
+    box_xyxy: Float[np.ndarray, "n 4"]
+    keypoint_uv: Float[np.ndarray, "n k 2"]
+    keypoint_score: Float[np.ndarray, "n k"]
+    score: Float[np.ndarray, "n"]
+    heading: Float[np.ndarray, "n"]
+    heading_sigma: Float[np.ndarray, "n"]
+    heading_is_axis: Bool[np.ndarray, "n"]
 
 
-def _joined(final: Smoothed, held: list[tuple[int, Detections, Located]]) -> _Seen:
+def _seen_at(source: Int[np.ndarray, "n"], held: list[tuple[int, Detections, Located]]) -> _Seen:
+    """What was seen at rows that are known by their number (-1: at none)."""
     k = max((len(d.keypoint_names) for _, d, _ in held), default=0)
-    n = len(final)
+    n = len(source)
     found = _Seen(
-        np.full((n, 4), np.nan),
-        np.full((n, k, 2), np.nan),
-        np.full((n, k), np.nan),
-        np.full(n, np.nan),
-        np.full(n, np.nan),
-        np.full(n, np.nan),
+        box_xyxy=np.full((n, 4), np.nan),
+        keypoint_uv=np.full((n, k, 2), np.nan),
+        keypoint_score=np.full((n, k), np.nan),
+        score=np.full(n, np.nan),
+        heading=np.full(n, np.nan),
+        heading_sigma=np.full(n, np.nan),
+        heading_is_axis=np.zeros(n, bool),
     )
     for first, d, located in held:
-        rows = np.flatnonzero((final.source >= first) & (final.source < first + len(d)))
-        source = final.source[rows] - first
-        found.box_xyxy[rows] = d.box_xyxy[source]
-        found.score[rows] = d.score[source]
-        if len(d.keypoint_names):
-            found.keypoint_uv[rows] = d.keypoint_uv[source]
-            found.keypoint_score[rows] = d.keypoint_score[source]
-        found.heading[rows] = located.heading_rad[source]
-        sign = np.where(located.heading_is_axis[source], -1.0, 1.0)
-        found.heading_sigma[rows] = sign * located.heading_sigma_rad[source]
+        rows = np.flatnonzero((source >= first) & (source < first + len(d)))
+        at = source[rows] - first
+        found.box_xyxy[rows] = d.box_xyxy[at]
+        found.score[rows] = d.score[at]
+        if d.keypoint_names:
+            found.keypoint_uv[rows] = d.keypoint_uv[at]
+            found.keypoint_score[rows] = d.keypoint_score[at]
+        found.heading[rows] = located.heading_rad[at]
+        found.heading_sigma[rows] = located.heading_sigma_rad[at]
+        found.heading_is_axis[rows] = located.heading_is_axis[at]
     return found

@@ -1,4 +1,4 @@
-"""What a user may say about a scene, and what came of it."""
+"""What a user may say about a run of ``track``, and what comes of it."""
 
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -6,28 +6,29 @@ from pathlib import Path
 from typing import Any
 
 from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
-
-_DEFAULT_RATE_HZ = 10.0
-"""Pictures looked at per second: people and cars move little in a tenth of one."""
+from scene4d.core.progress import Progress
 
 
 @dataclass(frozen=True)
 class TrackOptions:
-    """What a user may say about a scene; the names are those of the command line.
+    """What a user may say about a run.
 
-    ``detector`` is the name of a registered detector, or an ONNX file of the YOLOX layout, for
-    people and vehicles both; ``format`` names that of ``annotations`` where it is not clear; by
-    default there is one for each. ``name`` is what the camera is called in the scene (by default
-    the name of the footage), ``start`` when the footage began (UTC), ``rate_hz`` how many pictures
-    per second are looked at.
+    ``annotations`` is a file of boxes to use instead of the detectors: ``format`` names its format
+    where that is not clear, ``fps`` its frame rate where no footage tells it, and ``drop_invalid``
+    leaves out impossible boxes. ``name`` is what the camera is called in the scene (by default the
+    name of the footage), ``start`` when the footage began (UTC), ``rate_hz`` how many frames per
+    second are looked at: people and cars move little in a tenth of a second. ``person_height_m`` is
+    the people's mean height (by default what the calibration assumed). ``detector`` is the name of
+    a registered detector, or an ONNX file of the YOLOX layout, for people and vehicles both; by
+    default there is one for each.
     """
 
-    camera: str | Path
     annotations: str | Path | None = None
     name: str | None = None
     start: datetime | None = None
-    rate_hz: float = _DEFAULT_RATE_HZ
+    rate_hz: float = 10.0
     fps: float | None = None
     person_height_m: float | None = None
     drop_invalid: bool = False
@@ -36,18 +37,11 @@ class TrackOptions:
 
     def __post_init__(self) -> None:
         """Refuse before any work is done what cannot work; raises :class:`InputError`."""
-        if not 0 < self.rate_hz <= 1000:
-            raise InputError(f"rate must be a number of pictures per second, found {self.rate_hz}")
-        if self.fps is not None and not 0 < self.fps <= 1000:
-            raise InputError(f"fps must be a number of frames per second, found {self.fps}")
-        if self.person_height_m is not None and not 0.5 <= self.person_height_m <= 2.5:
-            raise InputError(
-                f"person_height_m must lie in 0.5 to 2.5 metres, found {self.person_height_m}"
-            )
-
-    def height_m(self, calibration: Calibration) -> float:
-        """Mean height of the people: what is said here, or what the calibration assumed."""
-        return self.person_height_m or calibration.person_height_m
+        ranges = {"rate_hz": (0.001, 1000), "fps": (0.001, 1000), "person_height_m": (0.5, 2.5)}
+        for name, (least, most) in ranges.items():
+            value = getattr(self, name)
+            if value is not None and not least <= value <= most:
+                raise InputError(f"{name}: found {value}, expected {least} to {most}")
 
 
 @dataclass
@@ -83,3 +77,28 @@ class TrackRun:
             "warnings": self.warnings,
             "timings_s": self.timings,
         }
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One run: what it works with. ``described`` is the camera as the scene stores it,
+    ``background`` a picture of the scene as it was calibrated, if somebody kept one.
+    """
+
+    calibration: Calibration
+    described: dict[str, Any]
+    background: Path | None
+    options: TrackOptions
+    run: TrackRun
+    progress: Progress
+
+    @property
+    def camera(self) -> Camera:
+        """The calibrated camera."""
+        assert self.calibration.camera is not None
+        return self.calibration.camera
+
+    @property
+    def person_height_m(self) -> float:
+        """Mean height of the people."""
+        return self.options.person_height_m or self.calibration.person_height_m

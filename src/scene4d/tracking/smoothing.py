@@ -26,8 +26,6 @@ class SmoothingSettings:
 
     max_gap_s: float = 2.0
     """Longer gaps between two measured positions stay gaps."""
-    min_sightings: int = 1
-    """Tracks seen less often are left out: mostly ghosts of the detector."""
     outlier_sigma: float = 3.0
     """A sighting further than this from the smoothed position has its variance raised until it
     lies there, so that its pull falls with its distance."""
@@ -235,9 +233,7 @@ def finished(
     ascending, was seen as what.
     """
     place = np.searchsorted(track, rows.moments.track)
-    enough = counts.sum(axis=1) >= s.min_sightings
     keep = wanted & (rows.source != REMEMBERED)
-    keep[keep] = enough[place[keep]]
     names = np.array(CLASSES)[counts.argmax(axis=1)]
     mean, cov, placed = rows.mean[keep], rows.covariance[keep], rows.placed[keep]
     mean[~placed], cov[~placed] = np.nan, np.nan

@@ -1,157 +1,114 @@
-"""Looking at footage, once: what the detectors see goes into a log that survives a kill."""
+"""Looking at footage, once: what the detectors see, in chunks.
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+What is seen in recorded footage goes into a log that survives a kill. A stream never comes back, so
+it has no log: what it shows becomes part of the scene chunk by chunk.
+"""
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Int
 
-from scene4d.calibration.writing import BACKGROUND
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
-from scene4d.core.progress import Progress, timed
-from scene4d.tracking.options import TrackOptions, TrackRun
-from scene4d.tracking.sampling import chosen_frames, chunks_of, numbered_frames
+from scene4d.core.progress import Advance, timed
+from scene4d.store.log import DetectionLog, Look
+from scene4d.store.runs import file_name
+from scene4d.tracking.options import Job
+from scene4d.video.frames import Frame, Source
+from scene4d.video.stream import without_password
 
 if TYPE_CHECKING:
     from scene4d.perception.objects import ObjectDetector
-    from scene4d.store.log import DetectionLog, Logged
-    from scene4d.video.frames import Frame, Source
 
+_CHUNK_S = 10.0
+"""Footage in one chunk: what is lost at most when a run over a recording is killed."""
+_LOGS = "detections"
+"""Folder in a scene for what the detectors saw; it may be removed once a run is complete."""
 _CHECK_EVERY = 10
 """One in so many frames is compared with the calibrated scene."""
-_Numbered = tuple[int, "Frame"]
-_Moment = tuple[int, float, Detections, np.ndarray]
-"""Number and time of a frame, what was detected in it, and what that looks like."""
+_EARLY_S = 1e-6
+"""A frame this much before its slot is in it: times are sums of rounded fractions."""
 
 
-def watch_into(
-    log: "DetectionLog",
-    source: "Source",
-    objects: "ObjectDetector",
-    options: TrackOptions,
-    run: TrackRun,
-    progress: Progress,
-) -> None:
-    """Detect in every frame that is looked at, from the first chunk that the log lacks.
+def watched(footage: Source, job: Job) -> Iterator[Look]:
+    """What is seen in recorded footage: what an earlier run logged, then what is new.
 
     Raises :class:`InputError` where the camera moved, within the footage or since it was
-    calibrated.
+    calibrated, and where the footage has no clock.
     """
-    monitor = ViewMonitor(source, Path(options.camera).with_name(BACKGROUND), run)
+    run = job.run
+    folder = run.scene / _LOGS / file_name(run.run, "run")
+    log = DetectionLog(folder, watch_settings(footage, job))
     done = run.resumed = log.complete
-    total = None
-    if source.timeline is not None:
-        chunks = chunks_of(source, chosen_frames(source, options.rate_hz))
-        total = sum(map(len, chunks[done:]))
-        if done:
-            monitor.resume(source, np.concatenate(chunks[:done]))
-    seen: list[_Moment] = []
-    chunk = done
-    with progress.stage("Watching people and vehicles", total) as step, until_interrupted(source):
-        frames = _timed_frames(numbered_frames(source, options.rate_hz, done), run)
-        for number, frame in frames:
-            while number > chunk:
-                monitor.check(source.name)
-                log.append(_logged(seen, source.image_size))
-                seen, chunk = [], chunk + 1
-            with timed(run.timings, "does it move"):
-                monitor.add(frame.image_bgr, frame.time_s)
-            detections, appearance = objects.look(frame)
-            seen.append((frame.index, frame.time_s, detections, appearance))
-            step(1)
-    monitor.check(source.name)
-    if seen:
-        log.append(_logged(seen, source.image_size))
+    yield from log.chunks()
+    if log.finished:
+        return
+    chunks = _chunks(footage, job.options.rate_hz)
+    objects, monitor = _detectors(job), _ViewMonitor(footage, job)
+    if done:
+        monitor.resume(footage, np.concatenate(chunks[:done]))
+    ends = np.array([chunk[-1] for chunk in chunks])
+    ahead = np.concatenate(chunks[done:]).tolist() if chunks[done:] else []
+    with job.progress.stage("Watching people and vehicles", len(ahead)) as step:
+        frames = _timed_frames(footage.frames(ahead) if ahead else iter(()), job, step)
+
+        def chunk_of(frame: Frame) -> int:
+            return int(np.searchsorted(ends, frame.index)) - done
+
+        for look in _looks(frames, chunk_of, objects, monitor):
+            log.append(look)
+            yield look
     log.finish()
+    run.timings |= objects.timings
+    run.warnings.extend(footage.warnings)
 
 
-@contextmanager
-def until_interrupted(source: "Source") -> Iterator[None]:
-    """Ctrl-C ends the watching of a stream, which has no other end; elsewhere it ends the run."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        if source.timeline is not None:
-            raise
+def watched_live(stream: Source, job: Job) -> Iterator[Look]:
+    """What is seen in a stream until it ends or Ctrl-C is pressed (or SIGTERM, which the command
+    line takes for it). Raises :class:`InputError` where the camera moved.
+    """
+    objects, monitor = _detectors(job), _ViewMonitor(stream, job)
+    with job.progress.stage("Watching people and vehicles", None) as step:
+        frames = _timed_frames(_thinned(stream.frames(), job.options.rate_hz), job, step)
+        yield from _looks(
+            frames, lambda frame: int(frame.time_s / _CHUNK_S), objects, monitor, endless=True
+        )
+    job.run.timings |= objects.timings
+    job.run.warnings.extend(stream.warnings)
 
 
-def _timed_frames(frames: Iterator[_Numbered], run: TrackRun) -> Iterator[_Numbered]:
-    """The frames, with the time that it took to have them."""
-    while True:
-        with timed(run.timings, "decode"):
-            frame = next(frames, None)
-        if frame is None:
-            return
-        yield frame
+def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
+    """All that detections depend on."""
+    from importlib.metadata import version
+
+    from scene4d.perception.weights import WEIGHTS
+
+    path, options = Path(footage.name), job.options
+    there = path.stat() if path.is_file() else None
+    described = json.dumps(job.described, sort_keys=True).encode()
+    return {
+        "source": str(path.resolve()) if there is not None else without_password(footage.name),
+        "bytes": None if there is None else there.st_size,
+        "modified_ns": None if there is None else there.st_mtime_ns,
+        "image_size": list(footage.image_size),
+        "rate_hz": options.rate_hz,
+        "detector": _identity(options.detector),
+        "chunk_s": _CHUNK_S,
+        "camera": hashlib.sha256(described).hexdigest()[:12],
+        "person_height_m": options.person_height_m,
+        "weights": {weight.name: weight.sha256 for weight in WEIGHTS},
+        "software": f"scene4d {version('scene4d')}",
+    }
 
 
-def _logged(seen: list[_Moment], image_size: tuple[int, int]) -> "Logged":
-    """A chunk of what was seen; nobody where a stream gave no frame for so long."""
-    from scene4d.store.log import Logged
-
-    index = np.array([moment[0] for moment in seen], np.int64)
-    time_s = np.array([moment[1] for moment in seen], float)
-    if not seen:
-        return Logged(index, time_s, Detections.from_boxes(image_size, index, np.empty((0, 4))))
-    detections = Detections.concatenate([moment[2] for moment in seen])
-    return Logged(index, time_s, detections, np.concatenate([moment[3] for moment in seen]))
-
-
-class ViewMonitor:
-    """Whether the view stays that which was calibrated."""
-
-    def __init__(self, source: "Source", background: Path, run: TrackRun) -> None:
-        from scene4d.video.motion import MotionMonitor
-
-        self._seen = 0
-        self._within = MotionMonitor(source.image_size)
-        self._since = MotionMonitor(source.image_size)
-        self._run = run
-        self._calibrated = calibrated_view(background, source.image_size)
-        if self._calibrated is None:
-            run.warnings.append(
-                f"There is no {background.name} beside the camera file, so whether the camera has "
-                "moved since it was calibrated was not checked."
-            )
-        else:
-            self._since.add(self._calibrated, 0.0)
-
-    def add(self, image_bgr: np.ndarray, time_s: float) -> None:
-        """Compare some of the frames."""
-        if self._seen % _CHECK_EVERY == 0:
-            self._compare(image_bgr, time_s)
-        self._seen += 1
-
-    def resume(self, source: "Source", indices: Int[np.ndarray, "n"]) -> None:
-        """Compare again what an earlier run compared, so that it is judged alike."""
-        for frame in source.frames(indices[::_CHECK_EVERY].tolist()):
-            self._compare(frame.image_bgr, frame.time_s)
-        self._seen = len(indices)
-
-    def _compare(self, image_bgr: np.ndarray, time_s: float) -> None:
-        self._within.add(image_bgr, time_s)
-        if self._calibrated is not None:
-            self._since.add(image_bgr, time_s)
-
-    def check(self, name: str) -> None:
-        """Raise :class:`InputError` where the view is another one."""
-        within, since = self._within.verdict(), self._since.verdict()
-        if within.moved:
-            raise InputError(f"{name}: {within.reason}")
-        if self._calibrated is not None and since.moved:
-            how = f"by {since.max_shift_px:.0f} px" if np.isfinite(since.max_shift_px) else "away"
-            raise InputError(
-                f"{name}: the view has moved {how} since the camera was calibrated: calibrate it "
-                "again on this footage"
-            )
-
-
-def calibrated_view(path: Path, image_size: tuple[int, int]) -> np.ndarray | None:
+def calibrated_view(path: Path | None, image_size: tuple[int, int]) -> np.ndarray | None:
     """The scene as it was calibrated, or None where nobody kept it or its size is another."""
-    if not path.is_file():
+    if path is None or not path.is_file():
         return None
     import cv2
 
@@ -159,3 +116,177 @@ def calibrated_view(path: Path, image_size: tuple[int, int]) -> np.ndarray | Non
     if image is None or image.shape[1::-1] != image_size:
         return None
     return np.asarray(image)
+
+
+def _detectors(job: Job) -> "ObjectDetector":
+    """The detectors for people and vehicles, told how large people are where.
+
+    Raises :class:`InputError` for an unknown name.
+    """
+    from scene4d.calibration.watching import fetch_weights, person_px
+    from scene4d.perception.objects import ObjectDetector
+
+    chosen = job.options.detector
+    fetch_weights(job.progress, vehicles=chosen is None)
+    if chosen is None:
+        found = ObjectDetector.default()
+    else:
+        from scene4d.perception.detectors import make_detector
+        from scene4d.perception.detectors.onnx_yolox import OnnxYoloxDetector
+        from scene4d.perception.keypoints import KeypointEstimator
+
+        onnx = _is_onnx(chosen)
+        one = OnnxYoloxDetector(Path(chosen)) if onnx else make_detector(str(chosen))
+        found = ObjectDetector(one, KeypointEstimator())
+    return found.expecting(lambda rows: person_px(job.camera, rows, job.person_height_m))
+
+
+def _is_onnx(chosen: str | Path) -> bool:
+    return str(chosen).lower().endswith(".onnx")
+
+
+def _identity(chosen: str | Path | None) -> str | None:
+    """A detector's name, and of a file what is in it."""
+    if chosen is None or not _is_onnx(chosen):
+        return None if chosen is None else str(chosen)
+    try:
+        content = Path(chosen).read_bytes()
+    except OSError as error:
+        raise InputError(f"{chosen}: cannot be read: {error.strerror}") from error
+    return f"{Path(chosen).name} {hashlib.sha256(content).hexdigest()}"
+
+
+def _chunks(source: Source, rate_hz: float) -> list[Int[np.ndarray, "m"]]:
+    """Indices of the frames looked at, in each 1/rate of a second the first one, by chunk, without
+    empty chunks. Raises :class:`InputError` where the source has no clock.
+    """
+    timeline = source.timeline
+    assert timeline is not None
+    if not timeline.has_clock:
+        raise InputError(
+            f"{source.name}: images have no times, and a track needs them: make a video of them, "
+            "or give annotations with their fps"
+        )
+    slot = np.floor(timeline.time_s * rate_hz + _EARLY_S)
+    indices = np.flatnonzero(np.diff(slot, prepend=-1) > 0)
+    number = np.floor(timeline.time_s[indices] / _CHUNK_S)
+    _, starts = np.unique(number, return_index=True)
+    return np.split(indices, starts[1:])
+
+
+def _thinned(frames: Iterator[Frame], rate_hz: float) -> Iterator[Frame]:
+    """In each 1/rate of a second the first frame."""
+    slot = -1
+    for frame in frames:
+        now = int(np.floor(frame.time_s * rate_hz + _EARLY_S))
+        if now > slot:
+            slot = now
+            yield frame
+
+
+def _timed_frames(frames: Iterator[Frame], job: Job, step: Advance) -> Iterator[Frame]:
+    """The frames, with the time that it took to have them; progress is shown as they go."""
+    while True:
+        with timed(job.run.timings, "decode"):
+            frame = next(frames, None)
+        if frame is None:
+            return
+        yield frame
+        step(1)
+
+
+def _looks(
+    frames: Iterator[Frame],
+    chunk_of: Callable[[Frame], int],
+    objects: "ObjectDetector",
+    monitor: "_ViewMonitor",
+    *,
+    endless: bool = False,
+) -> Iterator[Look]:
+    """What the detectors see, chunk by chunk, with an empty look for a chunk without frames.
+
+    Ctrl-C ends the watching of ``endless`` frames, which have no other end; elsewhere the run.
+    """
+    seen: list[_Moment] = []
+    chunk = 0
+    try:
+        for frame in frames:
+            while chunk_of(frame) > chunk:
+                monitor.check()
+                yield _look(seen, monitor.image_size)
+                seen, chunk = [], chunk + 1
+            monitor.add(frame)
+            seen.append((frame, *objects.look(frame)))
+    except KeyboardInterrupt:
+        if not endless:
+            raise
+    monitor.check()
+    if seen:
+        yield _look(seen, monitor.image_size)
+
+
+_Moment = tuple[Frame, Detections, np.ndarray]
+"""A frame, what was detected in it, and what that looks like."""
+
+
+def _look(seen: list[_Moment], image_size: tuple[int, int]) -> Look:
+    index = np.array([frame.index for frame, _, _ in seen], np.int64)
+    time_s = np.array([frame.time_s for frame, _, _ in seen], float)
+    if not seen:
+        return Look(index, time_s, Detections.from_boxes(image_size, index, np.empty((0, 4))))
+    detections = Detections.concatenate([found for _, found, _ in seen])
+    return Look(index, time_s, detections, np.concatenate([colours for _, _, colours in seen]))
+
+
+class _ViewMonitor:
+    """Whether the view stays the one that was calibrated."""
+
+    def __init__(self, source: Source, job: Job) -> None:
+        from scene4d.video.motion import MotionMonitor
+
+        self.image_size = source.image_size
+        self._name = source.name
+        self._timings = job.run.timings
+        self._seen = 0
+        self._within = MotionMonitor(source.image_size)
+        self._since = MotionMonitor(source.image_size)
+        calibrated = calibrated_view(job.background, source.image_size)
+        self._is_known = calibrated is not None
+        if calibrated is not None:
+            self._since.add(calibrated, 0.0)
+            return
+        name = "background" if job.background is None else job.background.name
+        job.run.warnings.append(
+            f"There is no {name} beside the camera file, so whether the camera has moved since it "
+            "was calibrated was not checked."
+        )
+
+    def add(self, frame: Frame) -> None:
+        """Compare some of the frames."""
+        with timed(self._timings, "does it move"):
+            if self._seen % _CHECK_EVERY == 0:
+                self._compare(frame)
+        self._seen += 1
+
+    def resume(self, source: Source, indices: Int[np.ndarray, "n"]) -> None:
+        """Compare again what an earlier run compared, so that it is judged alike."""
+        for frame in source.frames(indices[::_CHECK_EVERY].tolist()):
+            self._compare(frame)
+        self._seen = len(indices)
+
+    def _compare(self, frame: Frame) -> None:
+        self._within.add(frame.image_bgr, frame.time_s)
+        if self._is_known:
+            self._since.add(frame.image_bgr, frame.time_s)
+
+    def check(self) -> None:
+        """Raise :class:`InputError` where the view is another one."""
+        within, since = self._within.verdict(), self._since.verdict()
+        if within.moved:
+            raise InputError(f"{self._name}: {within.reason}")
+        if self._is_known and since.moved:
+            how = f"by {since.max_shift_px:.0f} px" if np.isfinite(since.max_shift_px) else "away"
+            raise InputError(
+                f"{self._name}: the view has moved {how} since the camera was calibrated: "
+                "calibrate it again on this footage"
+            )

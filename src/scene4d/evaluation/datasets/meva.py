@@ -32,17 +32,17 @@ from scene4d.searching.activities.identity import unite_tracks
 from scene4d.searching.predicates.stage import Stage
 from scene4d.searching.stages import stage_of
 from scene4d.tracking import TrackOptions
-from scene4d.tracking.following import Follower, Look
-from scene4d.tracking.options import TrackRun
+from scene4d.tracking.annotated import looks_of
+from scene4d.tracking.following import follow
 from scene4d.tracking.placing import known_classes
 
 _FPS = 30.0
+_RATE_HZ = TrackOptions.rate_hz
 _SLOPE_SIGMA_RAD = np.radians(1.0)
 """How far the local ground may slope against the horizontal. Chosen by hand: a car park drains by
 1 to 2 % (0.6 to 1.1 degrees)."""
 EVERY = 30
 """Frames between two sightings of a person that are used for the ground: one second."""
-_FRAMES_PER_LOOK = 300
 
 _GEOM, _ACTIVITIES, _ARCHIVE = ".geom.yml", ".activities.yml", "annotations.tar.xz"
 _NAME = re.compile(
@@ -162,28 +162,18 @@ def _clip(path: Path, annotated: Detections, ground: Ground) -> Clip:
         name=stem,
         camera=ground.camera,
         minutes=(end - begin) % timedelta(days=1) / timedelta(minutes=1),
-        stage=unite_tracks(stage_of(_followed(path, annotated, ground), ground.calibration)),
+        stage=unite_tracks(stage_of(_followed(annotated, ground), ground.calibration)),
         ground=ground,
         labelled=read_activities(path.with_name(stem + _ACTIVITIES)),
     )
 
 
-def _followed(path: Path, annotated: Detections, ground: Ground) -> Tracks:
+def _followed(annotated: Detections, ground: Ground) -> Tracks:
     """What ``scene4d track --annotations`` writes into a scene, ordered by (track, time)."""
-    options = TrackOptions(f"{ground.camera}.krtd", annotations=path, name=ground.camera, fps=_FPS)
     found, _ = known_classes(annotated)
-    every = max(1, round(_FPS / options.rate_hz))
-    found = found.select(found.frame % every == 0)
-    found = found.select(np.lexsort([found.track, found.frame]))
-    run = TrackRun(Path(), ground.camera, str(path))
-    follower = Follower(ground.calibration, options.height_m(ground.calibration), run)
-    frames = np.arange(0, int(found.frame.max(initial=-1)) + 1, every)
-    parts = []
-    for begin in range(0, len(frames), _FRAMES_PER_LOOK):
-        some = frames[begin : begin + _FRAMES_PER_LOOK]
-        rows = np.arange(*np.searchsorted(found.frame, [some[0], some[-1] + 1]))
-        parts += list(follower.follow(Look(some, some / _FPS, found.select(rows))))
-    tracks = Tracks.concatenate([*parts, follower.finish()])
+    looks = looks_of(found.select(np.lexsort([found.track, found.frame])), _RATE_HZ, _FPS)
+    height_m = ground.calibration.person_height_m
+    tracks = Tracks.concatenate([*follow(looks, ground.calibration, height_m, trusted=True)])
     return tracks.select(np.lexsort([tracks.time_s, tracks.track]))
 
 
