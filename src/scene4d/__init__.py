@@ -1,8 +1,9 @@
 """Turn a fixed camera into a metric sensor, from the people who walk through its own footage.
 
-``scene4d.calibrate(source)`` calibrates from footage, ``scene4d.solve_camera(foot_uv, head_uv,
-image_size=...)`` from points, ``scene4d.Camera`` projects and locates. Everything is loaded when
-it is first used, so that importing the package costs nothing.
+``calibrate`` finds the camera of footage, ``solve_camera`` that of points; ``track`` writes a
+:class:`Scene` of people and vehicles in metres; ``search`` finds activities in it that are told in
+words. :class:`Camera` projects and locates. Everything is loaded when it is first used, so that
+importing the package costs nothing.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -17,12 +18,16 @@ if TYPE_CHECKING:
     from scene4d.formats.cameras import read_camera as read_camera
     from scene4d.formats.cameras import write_camera as write_camera
     from scene4d.searching import search as search
+    from scene4d.store.query import Scene as Scene
+
+    __version__: str
 
 _WHERE = {
     "Calibration": "scene4d.core.calibration",
     "Camera": "scene4d.core.camera",
     "Lens": "scene4d.core.camera",
     "Orientation": "scene4d.core.orientation",
+    "Scene": "scene4d.store.query",
     "calibrate": "scene4d.calibration.calibrating",
     "read_camera": "scene4d.formats.cameras",
     "search": "scene4d.searching",
@@ -30,10 +35,14 @@ _WHERE = {
     "write_camera": "scene4d.formats.cameras",
 }
 
-__all__ = sorted(_WHERE)
+__all__ = sorted([*_WHERE, "__version__"])
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("scene4d")
     if name not in _WHERE:
         raise AttributeError(f"module 'scene4d' has no attribute {name!r}")
     from importlib import import_module
@@ -44,4 +53,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_WHERE})
+    return sorted({*globals(), *__all__})
