@@ -79,6 +79,12 @@ def test_a_folder_that_cannot_be_made(run, scene, tmp_path):
     assert done.stderr.startswith("scene4d: error: ") and len(done.stderr.splitlines()) == 1
 
 
+def test_a_folder_that_is_not_there_is_made(run, scene, tmp_path):
+    done = run("export", scene["lens"], "--to", "krtd", "--out", tmp_path / "new" / "deep" / "x")
+    assert done.exit_code == 0, done.stderr
+    assert (tmp_path / "new" / "deep" / "x").is_file()
+
+
 def test_a_format_without_an_image_size_is_told_it(run, scene, camera, tmp_path):
     stream, back = tmp_path / "camInfo.yml", tmp_path / "back.json"
     run("export", scene["lens"], "--to", "deepstream", "--out", stream)
@@ -108,3 +114,13 @@ def test_the_camera_that_is_read_is_not_written_over(run, scene):
     done = run("export", scene["lens"], "--to", "krtd", "--out", scene["lens"])
     assert done.exit_code == 1 and "give another --out" in done.stderr
     assert scene["lens"].read_bytes() == before
+
+
+def test_a_calibration_exported_as_json_loses_nothing(run, known, tmp_path):
+    """Its covariance above all: without it, a reader would believe the camera exact."""
+    assert run(*known, "--out", tmp_path / "out").exit_code == 0
+    before, after = tmp_path / "out" / "camera.json", tmp_path / "new" / "deep" / "c.json"
+    done = run("export", before, "--to", "json", "--out", after)
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(after.read_text()) == json.loads(before.read_text())
+    assert json.loads(after.read_text())["covariance"]
