@@ -10,6 +10,7 @@ from scene4d.cli.arguments import parse_image_size
 from scene4d.cli.command import Answer, Job, command
 from scene4d.cli.output import emit
 from scene4d.core.errors import InputError
+from scene4d.core.staging import ensure_folder
 
 if TYPE_CHECKING:
     from scene4d.cli.exporting import GroundPoint
@@ -152,6 +153,7 @@ def _export_camera(
         )
     calibration = None if from_format else read_calibration(camera, image_size=size)
     if to == "json" and calibration is not None and calibration.method != GIVEN:
+        ensure_folder(out.parent)
         calibration.save(out)  # with its covariance, which a bare camera has not
     else:
         write_camera(found, out, to)
