@@ -24,6 +24,7 @@ from scene4d.searching.language.sentences import (
     Said,
     Slot,
     Spoken,
+    kind_of,
 )
 
 NOT_OF_ACTIVITIES = '"not" denies a state, such as "is not near a vehicle", not an activity'
@@ -98,7 +99,7 @@ class _Reading:
             fitting = [
                 role.name
                 for role in spoken.activity.roles
-                if role.name not in filled and owner.kind in (_kind(role), "any")
+                if role.name not in filled and owner.kind in (kind_of(role), "any")
             ]
             if not fitting:
                 raise self.discourse.refuse(owner.span, f'"{owner.word}" has no part in this')
@@ -115,7 +116,7 @@ class _Reading:
         free = [
             role.name
             for role in spoken.activity.roles
-            if role.name not in spoken.roles and _kind(role) == slot.kind
+            if role.name not in spoken.roles and kind_of(role) == slot.kind
         ]
         if not free:
             what = f"{spoken.activity.name} is done by one, not by two"
@@ -150,7 +151,7 @@ class _Reading:
             classes = self._classes(role, filled.get(role.name))
             name = known[role.name]
             if name is None:
-                name = discourse.add(_kind(role), classes, role.name)
+                name = discourse.add(kind_of(role), classes, role.name)
             else:
                 discourse.narrow(name, classes)
                 discourse.mention(name)
@@ -282,10 +283,6 @@ class _Reading:
             self.discourse.note(f'"{said}" is said of the phase "{phase.name}"')
         changed = replace(phase, min_s=least, max_s=most)
         return (*phases[: which[0]], changed, *phases[which[0] + 1 :])
-
-
-def _kind(role: Role) -> str:
-    return "person" if "person" in role.classes else "vehicle"
 
 
 def _order(role: Role, filled: Mapping[str, _Who]) -> tuple[int, int]:

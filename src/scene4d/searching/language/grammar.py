@@ -42,28 +42,17 @@ class Grammar:
         """Words as tokens of the grammar, with their places in the text."""
         return [
             Token(
-                self._terminal(word, following),
+                _OF_KIND.get(word.kind) or self.terminals[word.value],
                 word.value,
                 start_pos=word.start,
                 end_pos=word.end,
             )
-            for word, following in zip(words, [*words[1:], None], strict=True)
+            for word in words
         ]
-
-    def _terminal(self, word: Word, following: Word | None) -> str:
-        if word.kind == "word" and self._is_bound(word.value, following):
-            return _bound_token(word.value)
-        return _OF_KIND.get(word.kind) or self.terminals[word.value]
-
-    def _is_bound(self, word: str, following: Word | None) -> bool:
-        """Whether it says something else for the word behind it."""
-        if following is None or following.kind != "word":
-            return False
-        return self.lexicon.bound.get(word) == following.value
 
     def vocabulary(self, zones: Sequence[str], lines: Sequence[str]) -> Vocabulary:
         """The words of the grammar, with the names of places."""
-        return Vocabulary(self.terminals.keys(), self.lexicon, zones, lines)
+        return Vocabulary(self.terminals.keys(), self.lexicon, {"zone": zones, "line": lines})
 
 
 class _Ready(Lexer):
@@ -119,8 +108,7 @@ class _Writer:
         spoken = self._write_phrases(activities)
         frame = files(__package__).joinpath("grammar.lark").read_text(encoding="utf-8")
         rules = self._with_tokens()
-        bound = map(_bound_token, self._lexicon.bound)
-        tokens = dict.fromkeys([*_OF_KIND.values(), *self._words.values(), *bound, "NOTHING"])
+        tokens = dict.fromkeys([*_OF_KIND.values(), *self._words.values(), "NOTHING"])
         text = "\n".join([frame, *rules, "%declare " + " ".join(tokens)])
         parser = Lark(
             text, parser="earley", lexer=_Ready, ambiguity="explicit", propagate_positions=True
@@ -239,17 +227,11 @@ class _Writer:
             name = self._words[found[1]]
             return f"form_{name.lower()}" if found[1] in forms else name
 
-        rules = [re.sub(r"<([^>]+)>", token, self._with_bound(rule)) for rule in self._rules]
+        rules = [re.sub(r"<([^>]+)>", token, rule) for rule in self._rules]
         for word, others in forms.items():
             names = " | ".join(self._words[form] for form in (word, *others))
             rules.append(f"form_{self._words[word].lower()}: {names}")
         return [_without_repeats(rule) for rule in rules]
-
-    def _with_bound(self, rule: str) -> str:
-        """The rule with tokens of their own for words that stand before those they belong to."""
-        for word, following in self._lexicon.bound.items():
-            rule = rule.replace(f"<{word}> <{following}>", f"{_bound_token(word)} <{following}>")
-        return rule
 
     def _share_tokens(self, besides: Collection[str]) -> None:
         uses = Counter(word for rule in self._rules for word in re.findall(r"<([^>]+)>", rule))
@@ -258,10 +240,6 @@ class _Writer:
             shared = [word for word in alone if uses[word] == 1 and word not in besides]
             for word in shared[1:]:
                 self._words[word] = self._words[shared[0]]
-
-
-def _bound_token(word: str) -> str:
-    return f"BOUND_{word.upper()}"
 
 
 def _without_repeats(rule: str) -> str:

@@ -38,9 +38,6 @@ class StateEntry:
     instant: bool = False
     becomes: bool = False
 
-    def __hash__(self) -> int:
-        return hash((self.predicate, self.verb, self.relation))
-
 
 @dataclass(frozen=True)
 class Adjective:
@@ -69,7 +66,7 @@ class Lexicon:
     things: Mapping[str, tuple[str, ...]]
     verbs: Mapping[str, VerbSet]
     separable: tuple[str, ...]
-    bound: Mapping[str, str]
+    joined: tuple[str, ...]
     sets: Mapping[str, tuple[str, ...]]
     adjectives: tuple[Adjective, ...]
     states: tuple[StateEntry, ...]
@@ -83,16 +80,7 @@ class Lexicon:
 
     def noun(self, word: str) -> NounEntry | None:
         """The entry that has this word."""
-        return self._noun_of_word.get(word)
-
-    @property
-    def _noun_of_word(self) -> dict[str, NounEntry]:
-        return _nouns_by_word(self.nouns)
-
-
-@cache
-def _nouns_by_word(nouns: tuple[NounEntry, ...]) -> dict[str, NounEntry]:
-    return {word: entry for entry in nouns for word in entry.words}
+        return next((entry for entry in self.nouns if word in entry.words), None)
 
 
 @cache
@@ -118,13 +106,14 @@ def read_lexicon() -> Lexicon:
         nouns=tuple(NounEntry(**_tuples(entry)) for entry in data["nouns"]),
         verbs={name: _verb_set(value) for name, value in data["verbs"].items()},
         separable=tuple(data["separable"]),
+        joined=tuple(data["joined"]),
         adjectives=tuple(Adjective(**_tuples(entry)) for entry in data["adjectives"]),
         states=tuple(StateEntry(**_tuples(entry)) for entry in data["states"]),
         units={name: _by_factor(table) for name, table in data["units"].items()},
         numbers=_by_factor(data["numbers"]),
         **{name: _tuples(data[name]) for name in ("pronouns", "articles", "things", "sets", "day")},
         assumed={name: float(value) for name, value in data["assumed"].items()},
-        **{name: data[name] for name in ("bound", "refused", "notes", "clock")},
+        **{name: data[name] for name in ("refused", "notes", "clock")},
     )
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from itertools import product
 
 from scene4d.core.errors import InputError
-from scene4d.searching.activities.definition import Activity, Role
+from scene4d.searching.activities.definition import Activity
 from scene4d.searching.language.lexicon import Lexicon, base_forms
-from scene4d.searching.language.sentences import Slot, Spoken
+from scene4d.searching.language.sentences import Slot, Spoken, kind_of
 from scene4d.searching.language.words import Vocabulary, read_words
 
 PEOPLE = "people"
@@ -45,7 +45,7 @@ class PhraseReader:
         passive, pieces = self._pieces(phrase)
         said = [pieces]
         if passive and isinstance(pieces[0], Slot):
-            doer = _kind(activity.roles[0])
+            doer = kind_of(activity.roles[0])
             said.append([*pieces, "by", Slot(doer)])
         for words in said:
             slots = tuple(piece for piece in words if isinstance(piece, Slot))
@@ -142,17 +142,13 @@ def spelled(pattern: str) -> Iterator[list[str]]:
         yield [word for word in words if word]
 
 
-def _kind(role: Role) -> str:
-    return "person" if "person" in role.classes else "vehicle"
-
-
 def _roles_of(activity: Activity, phrase: str, slots: Sequence[Slot]) -> tuple[str, ...]:
     """The roles that the slots fill: for each kind in their order, a pair fills two."""
     free = list(activity.roles)
     found: list[str] = []
     for slot in slots:
         for _ in range(2 if slot.pair else 1):
-            role = next((role for role in free if _kind(role) == slot.kind), None)
+            role = next((role for role in free if kind_of(role) == slot.kind), None)
             if role is None:
                 raise InputError(
                     f'activity {activity.name!r}: the phrase "{phrase}" speaks of more of the kind '

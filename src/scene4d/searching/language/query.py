@@ -20,7 +20,7 @@ from scene4d.searching.language.reading import read_tree
 from scene4d.searching.language.saying import Piece
 from scene4d.searching.language.sentences import Clock, options_of
 from scene4d.searching.language.words import Word, read_words, refuse
-from scene4d.searching.predicates.registry import PREDICATES, Predicate
+from scene4d.searching.predicates.registry import PREDICATES
 
 _MOST_EXPECTED = 12
 """Longer lists of what could be said instead are cut off."""
@@ -72,8 +72,6 @@ def parse_query(
     catalogue: Mapping[str, Activity],
     zones: Sequence[str] = (),
     lines: Sequence[str] = (),
-    *,
-    predicates: Mapping[str, Predicate] = PREDICATES,
 ) -> Query:
     """What a search in controlled English asks for; docs/search-language.md describes it.
 
@@ -92,7 +90,7 @@ def parse_query(
     discourse = Discourse(text, grammar.lexicon)
     piece = compose(sentence.order, discourse)
     activity = _activity(piece, discourse, text, catalogue)
-    check_activity(activity, predicates)
+    check_activity(activity, PREDICATES)
     window = _window_of(sentence.clocks, discourse, notes)
     terms = [term_text(term) for phase in activity.phases for term in phase.terms]
     notes = [*discourse.notes, *_word_notes(words, activity, grammar), *notes]

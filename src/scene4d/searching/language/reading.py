@@ -35,20 +35,17 @@ from scene4d.searching.predicates.relation import SIDES
 
 _WEIGHED = (Clause, Done, Said, Chain, Joined, Sentence)
 """Of several readings of these the composer takes the one that makes sense."""
-_CLOCKS = ("between_clock", "after_clock", "before_clock", "at_clock")
+_CLOCKS = {
+    "between_clock": ("begin", "end"),
+    "after_clock": ("begin",),
+    "before_clock": ("end",),
+    "at_clock": ("at",),
+}
+"""What the times of day in a rule are."""
 _BOUNDS = {"within": "near", "beyond": "far"}
 _TRANSPARENT = (
-    "activity",
-    "whole",
-    "state",
-    "relation",
-    "predication",
-    "subject",
-    "article",
-    "pronoun",
-    "unit_distance",
-    "unit_duration",
-    "unit_speed",
+    *("activity", "whole", "state", "relation", "predication", "subject", "article", "pronoun"),
+    *("unit_distance", "unit_duration", "unit_speed"),
 )
 """Rules that are what is in them."""
 
@@ -68,7 +65,7 @@ class _Owner:
 
 @dataclass(frozen=True)
 class _Pause:
-    seconds: float
+    seconds: float | None
 
 
 def _all(children: Iterable[Any], *kinds: type) -> list[Any]:
@@ -122,28 +119,25 @@ class _Reader(Transformer):
     # Rules by their number ------------------------------------------------------------------------
 
     def __default__(self, data: Any, children: list, meta: Any) -> Any:
-        name = str(data)
+        name, span = str(data), _span(meta)
         stem, _, number = name.rpartition("_")
-        if stem in {"activity", "whole"} and number.isdigit():
-            return self._done(int(number), children, _span(meta))
-        if stem in {"state", "relation"} and number.isdigit():
-            return self._said(int(number), children, _span(meta))
+        if number.isdigit():
+            if stem in {"activity", "whole"}:
+                return self._done(int(number), children, span)
+            if stem in {"state", "relation"}:
+                return self._said(int(number), children, span)
+            if stem.startswith("unit_"):
+                return self._lexicon.units[stem.removeprefix("unit_")][int(number)][0]
         if name in {"adjective", "number_word"}:
             return self._by_words(name, children)
-        if stem.startswith("unit_") and number.isdigit():
-            kind = stem.removeprefix("unit_")
-            return self._lexicon.units[kind][int(number)][0]
+        if name in {"zone", "line"}:
+            return Place(name, str(_first(children, Token)), span)
         if name in self._lexicon.units:
-            return amount_of(name, _all(children, Fraction), self._text, _span(meta))
-        if name in {"lasts_at_least", "lasts_at_most"}:
-            seconds = _first(children, Amount).value
-            if name == "lasts_at_least":
-                return Lasting(seconds, None, _span(meta))
-            return Lasting(None, seconds, _span(meta))
+            return amount_of(name, _all(children, Fraction), self._text, span)
         if name in _BOUNDS:
-            return Bound(_first(children, Amount).value, _BOUNDS[name], _span(meta))
+            return Bound(_first(children, Amount).value, _BOUNDS[name], span)
         if name in _CLOCKS:
-            return self._clock(name, children, _span(meta))
+            return self._clock(name, children, span)
         if name in _TRANSPARENT:
             return children[0]
         if name.startswith("t_"):
@@ -159,7 +153,9 @@ class _Reader(Transformer):
         return next(number for number, words in self._lexicon.numbers if said in words)
 
     def _words_of(self, children: list) -> tuple[str, ...]:
-        words = (c.words if isinstance(c, _Mark) else (str(c),) for c in children if _is_word(c))
+        words = (
+            c.words if isinstance(c, _Mark) else (str(c),) for c in _all(children, _Mark, Token)
+        )
         return tuple(word for said in words for word in said)
 
     def _ambig(self, children: list) -> Any:
@@ -213,12 +209,12 @@ class _Reader(Transformer):
         return Sentence(order, tuple(_all(children, Clock)))
 
     def chain(self, _meta: Any, children: list) -> Chain:
-        steps = _all(children, Joined, Choice)
-        pauses = [child.seconds if child else None for child in children if _is_then(child)]
-        return Chain(tuple(steps), tuple(pauses), ("then",) * len(pauses))
+        steps, pauses = _all(children, Joined, Choice), _all(children, _Pause)
+        seconds = tuple(pause.seconds for pause in pauses)
+        return Chain(tuple(steps), seconds, ("then",) * len(pauses))
 
-    def then(self, _meta: Any, children: list) -> Any:
-        return _Then(_first(children, _Pause))
+    def then(self, _meta: Any, children: list) -> _Pause:
+        return _first(children, _Pause) or _Pause(None)
 
     def first_second(self, _meta: Any, children: list) -> Chain:
         return self._before(children, in_order=True)
@@ -319,17 +315,8 @@ class _Reader(Transformer):
 
     # Places and amounts ---------------------------------------------------------------------------
 
-    def zone(self, meta: Any, children: list) -> Place:
-        return self._place("zone", meta, children)
-
-    def line(self, meta: Any, children: list) -> Place:
-        return self._place("line", meta, children)
-
     def unnamed_zone(self, meta: Any, _children: list) -> Place:
         return Place("zone", None, _span(meta))
-
-    def _place(self, kind: str, meta: Any, children: list) -> Place:
-        return Place(kind, str(_first(children, Token)), _span(meta))
 
     def number(self, meta: Any, children: list) -> Fraction:
         found = children[0]
@@ -337,7 +324,13 @@ class _Reader(Transformer):
             return found
         return read_number(str(found), self._text, _span(meta)[0])
 
-    # How long, how far ----------------------------------------------------------------------------
+    # How long -------------------------------------------------------------------------------------
+
+    def lasts_at_least(self, meta: Any, children: list) -> Lasting:
+        return Lasting(_first(children, Amount).value, None, _span(meta))
+
+    def lasts_at_most(self, meta: Any, children: list) -> Lasting:
+        return Lasting(None, _first(children, Amount).value, _span(meta))
 
     def lasts_between(self, meta: Any, children: list) -> Lasting:
         amounts = _all(children, Amount)
@@ -356,34 +349,13 @@ class _Reader(Transformer):
         return read_clock(self._lexicon.clock.get(word, word), self._text, _span(meta)[0])
 
     def _clock(self, name: str, children: list, span: Span) -> Clock:
-        """One or two times of day, as the rule's name says."""
-        times = _all(children, float)
-        if name == "between_clock":
-            return Clock(times[0], times[1], None, span)
-        named = {"after_clock": "begin", "before_clock": "end", "at_clock": "at"}[name]
-        return replace(Clock(None, None, None, span), **{named: times[0]})
+        times = dict(zip(_CLOCKS[name], _all(children, float), strict=True))
+        return replace(Clock(None, None, None, span), **times)
 
     def part_of_day(self, meta: Any, children: list) -> Clock:
         word = next(m.words[0] for m in _all(children, _Mark) if m.name == "day_word")
         begin, end = (read_clock(time, self._text, 0) for time in self._lexicon.day[word])
         return Clock(begin, end, None, _span(meta))
-
-
-@dataclass(frozen=True)
-class _Then:
-    pause: _Pause | None
-
-    @property
-    def seconds(self) -> float | None:
-        return self.pause.seconds if self.pause else None
-
-
-def _is_then(child: object) -> bool:
-    return isinstance(child, _Then)
-
-
-def _is_word(child: object) -> bool:
-    return isinstance(child, _Mark | Token)
 
 
 def _introduced(articles: set[str]) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from scene4d.searching.activities.definition import Activity
+from scene4d.searching.activities.definition import Activity, Role
 from scene4d.searching.language.lexicon import Adjective, StateEntry
 
 Span = tuple[int, int]
@@ -190,3 +190,8 @@ class Sentence:
 def options_of(node: Any) -> Sequence[Any]:
     """The readings of a node; itself where it has one."""
     return node.options if isinstance(node, Choice) else (node,)
+
+
+def kind_of(role: Role) -> str:
+    """The kind of noun that a role's players are called by."""
+    return "person" if "person" in role.classes else "vehicle"

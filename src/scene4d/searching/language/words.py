@@ -3,8 +3,8 @@ what numbers and times of day amount to, exact until they are rounded once.
 """
 
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from fractions import Fraction
 
@@ -53,12 +53,11 @@ class Word:
 
 @dataclass(frozen=True, eq=False)
 class Vocabulary:
-    """The words that may be used, and the names of places."""
+    """The words that may be used, and the names of places by their kind ("zone", "line")."""
 
     words: Collection[str]
     lexicon: Lexicon
-    zones: Sequence[str] = ()
-    lines: Sequence[str] = ()
+    places: Mapping[str, Sequence[str]] = field(default_factory=lambda: {"zone": (), "line": ()})
 
     def word(self, surface: str) -> str | None:
         """The known word behind a surface form, or none."""
@@ -91,6 +90,10 @@ def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
             raise refuse(text, at, "this sign means nothing here")
         found += _words_of(match, text, vocabulary)
         at = match.end()
+        one = "-".join(word.value for word in found[-2:])
+        if one in vocabulary.lexicon.joined:
+            start = found[-2].start
+            found[-2:] = [Word("word", one, start, at, text[start:at])]
     if not found:
         raise InputError('search: it is empty; say for example "person enters vehicle"')
     if len(found) > _MOST_WORDS:
@@ -143,55 +146,47 @@ def _known(surface: str, text: str, span: tuple[int, int], vocabulary: Vocabular
 
 
 def _nearest(surface: str, vocabulary: Vocabulary) -> str:
-    lower = surface.casefold()
-    known = {*vocabulary.words, *(name.casefold() for name in _names(vocabulary))}
-    forms = [lower, *base_forms(lower)]
-    near = [word for form in forms for word in get_close_matches(form, sorted(known), 3, 0.6)]
+    names = [name.casefold() for names in vocabulary.places.values() for name in names]
+    known = sorted({*vocabulary.words, *names})
+    forms = [surface.casefold(), *base_forms(surface.casefold())]
+    near = [word for form in forms for word in get_close_matches(form, known, 3, 0.6)]
     said = ", ".join(f'"{word}"' for word in dict.fromkeys(near))
     if said:
         return f"; the nearest are {said}"
     return "; none is near; docs/search-language.md lists what may be said"
 
 
-def _names(vocabulary: Vocabulary) -> Iterable[str]:
-    yield from vocabulary.zones
-    yield from vocabulary.lines
-
-
 def _name_at(text: str, at: int, before: list[Word], vocabulary: Vocabulary) -> Word | None:
     """A place's name that begins here: after "zone" or "line" any, else one that is no word."""
     if at > 0 and text[at - 1].isalnum():
         return None
-    sets = vocabulary.lexicon.sets
-    last = before[-1].value if before else ""
-    kinds: Mapping[str, Sequence[str]] = {"zone": vocabulary.zones, "line": vocabulary.lines}
-    named = [kind for kind in kinds if last in sets[kind]]
-    for kind in named or kinds:
-        name = _longest(text, at, kinds[kind])
-        if name is None or (not named and vocabulary.word(name) is not None):
+    places, last = vocabulary.places, before[-1].value if before else ""
+    said = next((kind for kind in places if last in vocabulary.lexicon.sets[kind]), None)
+    found = {kind: _longest(text, at, names) for kind, names in places.items()}
+    if said is not None:
+        name = found[said]
+        if name is None:
+            _check_name(text, at, said, vocabulary)
+            return None
+        return Word(said, name, at, at + len(name), text[at : at + len(name)])
+    for kind, name in found.items():
+        if name is None or vocabulary.word(name) is not None:
             continue
-        other = next(k for k in kinds if k != kind)
-        if not named and _longest(text, at, kinds[other]) is not None:
-            raise refuse(
-                text, at, f'"{name}" is a zone and a line; say "zone {name}" or "line {name}"'
-            )
+        if None not in found.values():
+            both = f'"{name}" is a zone and a line; say "zone {name}" or "line {name}"'
+            raise refuse(text, at, both)
         return Word(kind, name, at, at + len(name), text[at : at + len(name)])
-    if named:
-        _check_name(text, at, named[0], kinds[named[0]], vocabulary)
     return None
 
 
-def _check_name(
-    text: str, at: int, kind: str, names: Sequence[str], vocabulary: Vocabulary
-) -> None:
+def _check_name(text: str, at: int, kind: str, vocabulary: Vocabulary) -> None:
     """Raise for a word after "zone" that is neither a name nor anything else."""
     match = _TOKEN.match(text, at)
     if match is None or match.lastgroup not in {"word", "number"}:
         return
     surface = match.group()
-    if match.lastgroup == "word" and vocabulary.word(surface) is not None:
-        return
-    raise refuse(text, at, _unknown_name(surface, kind, names))
+    if match.lastgroup == "number" or vocabulary.word(surface) is None:
+        raise refuse(text, at, _unknown_name(surface, kind, vocabulary.places[kind]))
 
 
 def _unknown_name(surface: str, kind: str, names: Sequence[str]) -> str:
@@ -212,15 +207,12 @@ def _longest(text: str, at: int, names: Sequence[str]) -> str | None:
 
 
 def _quoted(name: str, text: str, start: int, end: int, vocabulary: Vocabulary) -> Word:
-    is_zone, is_line = name in vocabulary.zones, name in vocabulary.lines
-    before = text[:start].split()[-1:]
-    if is_line and (not is_zone or before == ["line"]):
-        return Word("line", name, start, end, name)
-    if is_zone:
-        return Word("zone", name, start, end, name)
-    kind = "line" if before == ["line"] else "zone"
-    names = vocabulary.lines if kind == "line" else vocabulary.zones
-    raise refuse(text, start, _unknown_name(name, kind, names))
+    after_line = text[:start].split()[-1:] == ["line"]
+    kinds = ("line", "zone") if after_line else ("zone", "line")
+    for kind in kinds:
+        if name in vocabulary.places[kind]:
+            return Word(kind, name, start, end, name)
+    raise refuse(text, start, _unknown_name(name, kinds[0], vocabulary.places[kinds[0]]))
 
 
 # Amounts and times of day ------------------------------------------------------------------------
