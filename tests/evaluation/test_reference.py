@@ -189,7 +189,9 @@ def test_the_error_that_a_calibration_expects_is_that_of_its_sampled_cameras():
     rms = float(np.sqrt(np.mean(np.square(scores))))
     assert scene.predicted_m(calibration) == pytest.approx(rms, rel=0.15)
     assert scene.predicted_m(found(CAMERA.disturbed(np.zeros(5)))) > 0
-    assert scene.predicted_m(replace(calibration, covariance=None)) == 0
+    assert scene.predicted_m(replace(calibration, covariance=np.zeros((5, 5)))) == 0
+    with pytest.raises(InputError, match="not known"):
+        scene.predicted_m(replace(calibration, covariance=None))
 
 
 def test_an_undetermined_calibration_has_no_pairs():

@@ -98,6 +98,33 @@ class Calibration:
             f"{self.inliers} of {self.people} people>"
         )
 
+    def _repr_html_(self) -> str:
+        from scene4d.core.notebook import beside, camera_svg
+
+        if not self or self.camera is None:
+            return beside({"Camera": "undetermined", "Reason": str(self.reason)}, "")
+        c, s = self.camera, self.sigma
+
+        def with_sigma(value: float, name: str, unit: str, digits: int) -> str:
+            spread = f" ± {s[name]:.{digits}f}" if s else ""
+            return f"{value:.{digits}f}{spread}{unit}"
+
+        rows = {
+            "Focal length": with_sigma(c.focal_px, "focal_px", " px", 0),
+            "Tilt": with_sigma(float(np.degrees(c.tilt_rad)), "tilt_deg", "°", 1),
+            "Roll": with_sigma(float(np.degrees(c.roll_rad)), "roll_deg", "°", 1),
+            "Height": with_sigma(c.height_m, "height_m", " m", 2),
+            "Sightings": f"{self.inliers} of {self.people} agree",
+        }
+        titles = zip(_ERRORS, ("within the scene", "from the camera"), strict=True)
+        for name, title in titles:
+            median = (getattr(self, name) or {}).get("median")
+            if median is not None:
+                rows[f"Error {title}"] = f"{median:.2f} m (median)"
+        if self.warnings:
+            rows["Warnings"] = " ".join(self.warnings)
+        return beside(rows, camera_svg(c))
+
     @property
     def sigma(self) -> dict[str, float]:
         """Standard deviations, in the units of ``camera.json`` (pixels, degrees, metres)."""

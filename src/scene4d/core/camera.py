@@ -120,6 +120,19 @@ class Camera(Lens):
             f"height {self.height_m:.2f} m>"
         )
 
+    def _repr_html_(self) -> str:
+        from scene4d.core.notebook import beside, camera_svg
+
+        width, height = self.image_size
+        rows = {
+            "Images": f"{width} x {height} px",
+            "Focal length": f"{self.focal_px:.0f} px",
+            "Tilt": f"{np.degrees(self.tilt_rad):.2f}°",
+            "Roll": f"{np.degrees(self.roll_rad):.2f}°",
+            "Height": f"{self.height_m:.2f} m",
+        }
+        return beside(rows, camera_svg(self))
+
     @classmethod
     def from_pose(
         cls,
@@ -153,6 +166,25 @@ class Camera(Lens):
     def P(self) -> Float[np.ndarray, "3 4"]:
         """``K [R | t]``: world metres to undistorted pixels."""
         return geometry.projection_matrix(self.K, self.R, self.t)
+
+    @property
+    def rvec(self) -> Float[np.ndarray, "3"]:
+        """``R`` as OpenCV's rotation vector: its direction is the axis, its length the angle."""
+        return geometry.rotation_vector(self.R)
+
+    @property
+    def tvec(self) -> Float[np.ndarray, "3"]:
+        """``t``, under OpenCV's name."""
+        return self.t
+
+    @property
+    def homography(self) -> Float[np.ndarray, "3 3"]:
+        """Ground (x, y, 1) in metres to *undistorted* pixels (u, v, 1), up to a factor.
+
+        ``np.linalg.inv`` of it goes back. Undistort pixels of the footage first, or use
+        :meth:`locate`, which does so and knows the horizon.
+        """
+        return self.P[:, [0, 1, 3]]
 
     @property
     def focal_px(self) -> float:

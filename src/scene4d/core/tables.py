@@ -8,30 +8,46 @@ import io
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from arro3.core import Array, DataType, Table
 from arro3.io import read_parquet, write_parquet
 
-from scene4d.core.errors import InputError
+from scene4d.core.errors import InputError, UnavailableError
 from scene4d.core.files import write_bytes
 
 _MAGIC = b"PAR1"
 
 
-def write_people(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
-    """Write columns of equal length to a Parquet file, atomically.
+def arrow_table(columns: Mapping[str, np.ndarray]) -> Table:
+    """Arrow columns of 1-D arrays of one length: floats (NaN stays NaN), integers, booleans, texts.
 
-    Columns are 1-D arrays of floats (NaN stays NaN), integers, booleans or strings. Raises
-    :class:`InputError` for any other, and :class:`~scene4d.core.errors.OutputError` where the file
-    cannot be written.
+    Raises :class:`InputError` for any other.
     """
     lengths = {len(values) for values in columns.values() if values.ndim == 1}
     if len(lengths) != 1:
         raise InputError(f"a table needs 1-D columns of one length, found {sorted(lengths)}")
-    table = Table.from_pydict({name: _arrow(name, values) for name, values in columns.items()})
+    return Table.from_pydict({name: _arrow(name, values) for name, values in columns.items()})
+
+
+def data_frame(columns: Mapping[str, np.ndarray]) -> Any:
+    """The columns as a pandas DataFrame; raises :class:`UnavailableError` without pandas."""
+    try:
+        import pandas as pd  # type: ignore[import-untyped]
+    except ImportError as error:
+        raise UnavailableError("to_pandas needs pandas: pip install pandas") from error
+    return pd.DataFrame(dict(columns))
+
+
+def write_people(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
+    """Write columns of equal length to a Parquet file, atomically.
+
+    Raises :class:`InputError` as :func:`arrow_table`, and
+    :class:`~scene4d.core.errors.OutputError` where the file cannot be written.
+    """
     buffer = io.BytesIO()
-    write_parquet(table, buffer)
+    write_parquet(arrow_table(columns), buffer)
     write_bytes(path, buffer.getvalue())
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -12,6 +13,8 @@ from scene4d.core.errors import InputError
 CLASSES: tuple[str, ...] = ("person", "bicycle", "motorcycle", "car", "truck", "bus", "vehicle")
 """What a scene holds, under the names of COCO; a ``vehicle`` is one of unknown kind."""
 VEHICLES: tuple[str, ...] = CLASSES[1:]
+_MOST_PATHS = 500
+"""A notebook shows no more paths than this, which would be megabytes of SVG."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +94,46 @@ class Tracks(Columns):
     def __post_init__(self) -> None:
         self.check_rows("tracks")
 
+    def columns(self) -> dict[str, np.ndarray]:
+        """1-D columns (n,) under the names that a scene's files have; keypoints are left out."""
+        flat = {
+            "track": self.track,
+            "class": self.class_name.astype(str),
+            "time_s": self.time_s,
+            "frame": self.frame,
+        }
+        flat |= zip(("x_m", "y_m"), self.xy_m.T, strict=True)
+        flat |= _symmetric("var_", self.covariance_m2)
+        flat |= _symmetric("shared_", self.shared_covariance_m2)
+        flat |= zip(("vx_mps", "vy_mps"), self.velocity_mps.T, strict=True)
+        flat |= _symmetric("var_v", self.velocity_covariance)
+        flat |= {"heading_rad": self.heading_rad, "heading_sigma_rad": self.heading_sigma_rad}
+        flat |= zip(("x1", "y1", "x2", "y2"), self.box_xyxy.T, strict=True)
+        return flat | {"score": self.score, "observed": self.observed}
+
+    def to_pandas(self) -> Any:
+        """The columns as a pandas DataFrame; needs pandas."""
+        from scene4d.core.tables import data_frame
+
+        return data_frame(self.columns())
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        from scene4d.core.tables import arrow_table
+
+        return arrow_table(self.columns()).__arrow_c_stream__(requested_schema)
+
+    def _repr_html_(self) -> str:
+        from scene4d.core.notebook import beside, plan_svg
+
+        tracks, first = np.unique(self.track, return_index=True)
+        classes, counts = np.unique(self.class_name[first], return_counts=True)
+        span_s = float(np.ptp(self.time_s)) if len(self) else 0.0
+        rows = {"Tracks": ", ".join(f"{n} x {c}" for c, n in zip(classes, counts, strict=True))}
+        rows |= {"Rows": f"{len(self):,}", "Time": f"{span_s:.1f} s"}
+        names = self.class_name[first].tolist()
+        shown = zip(names[:_MOST_PATHS], tracks[:_MOST_PATHS], strict=True)
+        return beside(rows, plan_svg((name, self.xy_m[self.track == t]) for name, t in shown))
+
     @classmethod
     def concatenate(cls, parts: Sequence["Tracks"]) -> "Tracks":
         """One table of several; raises on an empty list and where the skeletons differ."""
@@ -99,3 +142,8 @@ class Tracks(Columns):
         if len({part.keypoint_uv.shape[1] for part in parts}) > 1:
             raise InputError("tracks: the parts differ in their keypoints")
         return cls.joined(parts)
+
+
+def _symmetric(prefix: str, matrix: Float[np.ndarray, "n 2 2"]) -> dict[str, np.ndarray]:
+    entries = {"xx": (0, 0), "xy": (0, 1), "yy": (1, 1)}
+    return {f"{prefix}{name}": matrix[:, i, j] for name, (i, j) in entries.items()}

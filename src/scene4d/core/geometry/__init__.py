@@ -7,7 +7,6 @@ from scene4d.core.geometry.distortion import (
     opencv_from_tsai,
     refocused,
     undistort,
-    undistort_tsai,
 )
 from scene4d.core.geometry.homography import apply_homography, pose_from_homography
 from scene4d.core.geometry.projection import (
@@ -25,9 +24,9 @@ from scene4d.core.geometry.rotation import (
     rotation_from_euler_zyx,
     rotation_from_quaternion,
     rotation_from_tilt_roll,
+    rotation_vector,
     tilt_roll_from_rotation,
 )
-from scene4d.core.geometry.vanishing import meeting_point, tilt_roll_from_vertical
 
 __all__ = [
     "NO_DISTORTION",
@@ -38,7 +37,6 @@ __all__ = [
     "horizon_line",
     "is_rotation",
     "locate",
-    "meeting_point",
     "opencv_from_tsai",
     "pose_from_homography",
     "project",
@@ -49,9 +47,8 @@ __all__ = [
     "rotation_from_euler_zyx",
     "rotation_from_quaternion",
     "rotation_from_tilt_roll",
+    "rotation_vector",
     "tilt_roll_from_rotation",
-    "tilt_roll_from_vertical",
     "undistort",
-    "undistort_tsai",
     "vertical_vanishing_point",
 ]

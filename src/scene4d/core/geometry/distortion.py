@@ -158,23 +158,6 @@ def refocused(distortion: Float[np.ndarray, "5"], stretch: float) -> Float[np.nd
     return distortion * stretch ** np.array([2, 4, 1, 1, 6])
 
 
-def undistort_tsai(
-    uv: Float[np.ndarray, "n 2"],
-    *,
-    centre_uv: Float[np.ndarray, "2"],
-    pixel_mm: Float[np.ndarray, "2"],
-    kappa1_per_mm2: float,
-) -> Float[np.ndarray, "n 2"]:
-    """Tsai (1987): ``Xu = Xd (1 + κ₁ r_d²)`` on the sensor in millimetres, back in pixels.
-
-    ``pixel_mm`` is the size of a pixel on the sensor, ``(dpx / sx, dpy)`` in Tsai's terms.
-    Unlike OpenCV's model this one is explicit in the undistorting direction.
-    """
-    sensor = (uv - centre_uv) * pixel_mm
-    r2 = np.sum(sensor**2, axis=1, keepdims=True)
-    return sensor * (1 + kappa1_per_mm2 * r2) / pixel_mm + centre_uv
-
-
 def opencv_from_tsai(
     kappa1_per_mm2: float, focal_mm: float, radius_mm: float
 ) -> Float[np.ndarray, "5"]:

@@ -73,6 +73,13 @@ def quaternion_from_rotation(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "
     return q if q[3] >= 0 else -q
 
 
+def rotation_vector(R: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3"]:
+    """Axis times angle (radians, 0 to π) of a rotation matrix, as OpenCV's ``Rodrigues``."""
+    *axis, w = quaternion_from_rotation(R)
+    length = float(np.linalg.norm(axis))
+    return np.array(axis) * (2 * np.arctan2(length, w) / length if length > 0 else 2.0)
+
+
 def rotation_from_euler_zyx(rx: float, ry: float, rz: float) -> Float[np.ndarray, "3 3"]:
     """``R = Rz(rz) · Ry(ry) · Rx(rx)`` in radians, the order of Tsai's camera files."""
     (cx, cy, cz), (sx, sy, sz) = np.cos([rx, ry, rz]), np.sin([rx, ry, rz])
