@@ -111,7 +111,7 @@ def timed_calibration(video: Path, frames: int | None) -> Timed:
                 stack.enter_context(mock.patch.object(owner, attribute, wrapped))
         begun = time.perf_counter()
         result = run(video, CalibrateOptions(frames=frames), Silent())
-        write(result, out, command=None, progress=Silent())
+        write(result, out, progress=Silent())
         total = time.perf_counter() - begun
     for theirs, name in OWN_CLOCK.items():
         clock.seconds[name] = result.timings[theirs]

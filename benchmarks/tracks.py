@@ -116,7 +116,6 @@ def main() -> None:
         write(
             run(video, CalibrateOptions(), Silent()),
             out / "camera",
-            command=None,
             progress=Silent(),
         )
         write_camera(reference.camera, out / "true.json", "json")

@@ -21,7 +21,7 @@ def main() -> None:
     result = run(sample_video(cache_dir()), CalibrateOptions(), Silent())
     out = Path(__file__).parent / "images" / "overlay.jpg"
     png = out.with_suffix(".png")
-    png.write_bytes(draw_overlay(result.calibration, result.image_bgr))
+    png.write_bytes(draw_overlay(result.calibration, result.image_bgr).png)
     picture = cv2.imread(str(png))
     png.unlink()
     height = round(picture.shape[0] * WIDTH / picture.shape[1])

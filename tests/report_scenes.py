@@ -57,6 +57,7 @@ def calibration(cam: Camera | None = None, n: int = 120, **changes: Any) -> Cali
         "inlier": inlier,
         "residual": np.zeros(n),
         "ground_error_m": {"median": 0.38, "p90": 0.9},
+        "ground_error_from_camera_m": {"median": 2.1, "p90": 3.4},
         "frames": 80,
     }
     return Calibration(**(values | changes))
@@ -74,13 +75,3 @@ def undetermined(**changes: Any) -> Calibration:
         "frames": 80,
     }
     return Calibration(**(values | changes))
-
-
-def sigma(cam: Camera):  # type: ignore[no-untyped-def]
-    """A plausible error: 2 % of the distance; NaN above the horizon."""
-
-    def predicted(uv: np.ndarray) -> np.ndarray:
-        xy, _ = cam.locate(uv)
-        return 0.02 * np.hypot(xy[:, 0], xy[:, 1])
-
-    return predicted

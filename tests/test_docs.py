@@ -32,7 +32,7 @@ def test_the_tutorial_runs(
     """On the embedded people of the sample video, so that no network is needed."""
     people = demo_detections()
     result = run_detections(people, CalibrateOptions(), Silent(), "the sample video")
-    write(result, tmp_path / "first", command=None, progress=Silent())
+    write(result, tmp_path / "first", progress=Silent())
     monkeypatch.chdir(tmp_path)
     text = (ROOT / "docs" / "tutorial.md").read_text()
     scope: dict[str, object] = {}

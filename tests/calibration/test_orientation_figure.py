@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import report_scenes as scenes
+from scene4d.calibration.report.captions import caption
 from scene4d.calibration.report.orientation import draw_orientation, horizon_rows
-from scene4d.calibration.report.page import write_report
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.geometry import horizon_line
@@ -83,7 +83,7 @@ def test_the_networks_horizon_lies_beside_the_peoples(status):
         image_size=(768, 576), focal_px=1185.0, tilt_rad=np.radians(3), roll_rad=0.0, height_m=1.0
     )
     plain, both = (
-        cv2.imdecode(np.frombuffer(draw_overlay(found, None, n), np.uint8), cv2.IMREAD_COLOR)
+        cv2.imdecode(np.frombuffer(draw_overlay(found, None, n).png, np.uint8), cv2.IMREAD_COLOR)
         for n in (None, other)
     )
     picture = slice(0, round(plain.shape[0] * 0.85))
@@ -94,8 +94,12 @@ def test_the_networks_horizon_lies_beside_the_peoples(status):
     np.testing.assert_allclose(changed, row * scale, atol=0.02 * plain.shape[0])
 
 
-def test_the_page_says_what_the_dashed_line_is(tmp_path):
+def test_the_caption_speaks_of_the_dashed_line_where_it_is_drawn():
     found = scenes.calibration()
-    plain = write_report(tmp_path / "a", found).read_text()
-    both = write_report(tmp_path / "b", found, network=scenes.camera(roll_rad=0.1)).read_text()
-    assert "second opinion" in both and "second opinion" not in plain
+    near, far = scenes.camera(roll_rad=0.1), scenes.camera(tilt_rad=np.radians(40))
+    assert "second opinion" in caption("overlay", found, near)
+    assert "second opinion" not in caption("overlay", found)
+    assert "second opinion" not in caption("overlay", found, far)
+    legends = [dict(draw_overlay(found, network=network).legend) for network in (near, far)]
+    assert "network's horizon" in legends[0]
+    assert any(label.startswith("network's horizon:") for label in legends[1])

@@ -72,7 +72,15 @@ def test_the_summary_says_everything_once(run, known, tmp_path, plain_report):
     result = run(*known, "--out", out)
     assert result.exit_code == 0, result.stderr
     found = json.loads((out / "camera.json").read_text())
-    for once in ("Height", "Tilt", "Roll", "Focal length", "Ground error", "report.html"):
+    for once in (
+        "Height",
+        "Tilt",
+        "Roll",
+        "Focal length",
+        "Error within",
+        "Error from",
+        "report.html",
+    ):
         assert (result.stdout + result.stderr).count(once) == 1, once
     assert f"{found['tilt_deg']:.1f}° ±" in result.stdout and "±" in result.stdout
     assert f"{found['inliers']} " in result.stdout and "60 sightings" in result.stdout
@@ -114,7 +122,8 @@ def test_a_lens_of_another_size_is_scaled(run, known, camera, tmp_path, plain_re
 def test_every_option_reaches_the_room(run, tmp_path, monkeypatch):
     seen = []
 
-    def remember(source, options, progress):
+    def remember(source, options, progress, *, command):
+        assert command.startswith("scene4d ")
         seen.append((source, options))
         raise InputError("enough")
 

@@ -74,7 +74,7 @@ def test_ctrl_c_while_the_report_is_drawn(run, known, tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("debug", ["", "1"])
 def test_a_defect_asks_to_be_reported(run, known, tmp_path, monkeypatch, debug):
-    def broken(*_: object) -> None:
+    def broken(*_: object, **__: object) -> None:
         raise KeyError("two\nlines")
 
     monkeypatch.setattr("scene4d.calibration.calibrating.run", broken)

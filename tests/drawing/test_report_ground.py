@@ -140,8 +140,9 @@ def test_a_near_camera_is_in_the_picture_and_a_far_one_is_not():
 
 def test_the_error_grid_asks_for_pixels_of_the_footage():
     camera = scenes.camera(tilt_rad=0.1, distortion=(-0.2, 0.0, 0.0, 0.0, 0.0))
-    u, v, sigma = error_grid(camera, scenes.sigma(camera), columns=40)
-    assert sigma[25, 10] == pytest.approx(scenes.sigma(camera)(np.array([[u[10], v[25]]]))[0])
+    found = scenes.calibration(camera, 60)
+    u, v, sigma = error_grid(found, columns=40)
+    assert sigma[25, 10] == pytest.approx(found.ground_sigma_m([[u[10], v[25]]])[0])
     assert np.isnan(sigma[0]).all()
 
 

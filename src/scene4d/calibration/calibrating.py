@@ -1,6 +1,8 @@
 """``calibrate``: the stages of a calibration, one after the other."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -50,10 +52,18 @@ class Run:
     timings: dict[str, float] = field(default_factory=dict)
 
 
-def run(source: str | Path | None, options: CalibrateOptions, progress: Progress) -> Run:
-    """All stages of a calibration, with everything that the report needs."""
+def run(
+    source: str | Path | None,
+    options: CalibrateOptions,
+    progress: Progress,
+    *,
+    command: str | None = None,
+) -> Run:
+    """All stages of a calibration, with everything that the report needs; ``command`` is how it
+    was asked for, for the record.
+    """
     if source is None:
-        return _run_annotations(options, progress)
+        return _run_annotations(options, progress, command)
     from scene4d.video.reader import open_source
 
     timings: dict[str, float] = {}
@@ -64,7 +74,7 @@ def run(source: str | Path | None, options: CalibrateOptions, progress: Progress
         options = options.read(footage.image_size)
         seen = watch(footage, options, progress, timings)
         seen.notes.extend(footage.warnings)
-        return _finished(seen, options, footage.name, progress, timings)
+        return _finished(seen, options, footage.name, progress, timings, command)
 
 
 def run_detections(
@@ -75,6 +85,7 @@ def run_detections(
     *,
     image_bgr: np.ndarray | None = None,
     notes: tuple[str, ...] = (),
+    command: str | None = None,
 ) -> Run:
     """As :func:`run`, from people that were detected before; ``notes`` become warnings.
 
@@ -93,10 +104,10 @@ def run_detections(
             reader = OrientationReader(detections.image_size, options.known_lens, focal_known=known)
             reader.look(0, image_bgr)
             seen.reading = reader.reading()
-    return _finished(seen, options, source_name, progress, timings)
+    return _finished(seen, options, source_name, progress, timings, command)
 
 
-def _run_annotations(options: CalibrateOptions, progress: Progress) -> Run:
+def _run_annotations(options: CalibrateOptions, progress: Progress, command: str | None) -> Run:
     if options.annotations is None:
         raise InputError("nothing to calibrate from: give a source or annotations")
     if options.image_size is None:
@@ -107,7 +118,7 @@ def _run_annotations(options: CalibrateOptions, progress: Progress) -> Run:
     with timed(timings, "read annotations"):
         seen = annotated(options, size, None)
     _without_pictures(seen, options)
-    return _finished(seen, options, str(options.annotations), progress, timings)
+    return _finished(seen, options, str(options.annotations), progress, timings, command)
 
 
 def _without_pictures(seen: Seen, options: CalibrateOptions) -> None:
@@ -128,7 +139,14 @@ def _finished(
     source_name: str,
     progress: Progress,
     timings: dict[str, float],
+    command: str | None,
 ) -> Run:
     with timed(timings, "solve"), progress.stage("Solving for the camera", None):
         found = solved(seen, options)
+    made = {
+        "source": source_name,
+        "date": datetime.now(UTC).isoformat(timespec="seconds"),
+        "version": version("scene4d"),
+    }
+    found = replace(found, made=made if command is None else made | {"command": command})
     return Run(found, source_name, seen.image_bgr, seen.people_bgr, seen.reading, timings)

@@ -15,15 +15,16 @@ BACKGROUND = "background.jpg"
 """The scene as it was calibrated: by it ``track`` sees whether the camera has moved since."""
 
 
-def write(result: Run, out_dir: str | Path, *, command: str | None, progress: Progress) -> Path:
+def write(result: Run, out_dir: str | Path, *, progress: Progress) -> Path:
     """Write camera.json, people.parquet, figures and report.html; returns the report's path.
 
     All of them or none (:func:`.staged`); ``camera.json`` comes last. Raises :class:`OutputError`
     where the folder cannot be written.
     """
-    from scene4d.calibration.report.page import FIGURES
+    from scene4d.calibration.report.page import FIGURES, report_files
+    from scene4d.core.tables import write_people
 
-    out = ensure_folder(out_dir)
+    found, out = result.calibration, ensure_folder(out_dir)
     figures = (f"figures/{figure}.png" for figure in FIGURES)
     names = [*figures, "report.html", "people.parquet", BACKGROUND]
     with (
@@ -31,7 +32,13 @@ def write(result: Run, out_dir: str | Path, *, command: str | None, progress: Pr
         progress.stage("Drawing the report", None),
         staged(out, names, last="camera.json") as folder,
     ):
-        _write_all(result, folder, command)
+        (folder / "figures").mkdir()
+        for name, content in report_files(result).items():
+            write_bytes(folder / name, content)
+        write_people(folder / "people.parquet", _people_table(found))
+        if result.image_bgr is not None and found:
+            write_bytes(folder / BACKGROUND, _jpeg(result.image_bgr))
+        write_json(folder / "camera.json", found.to_dict())
     return out / "report.html"
 
 
@@ -60,31 +67,6 @@ def write_orientation(
         write_bytes(folder / name, picture)
         write_json(folder / "orientation.json", reading.to_dict())
     return out / name
-
-
-def _write_all(result: Run, folder: Path, command: str | None) -> None:
-    from importlib.metadata import version
-
-    from scene4d.calibration.report.page import write_report
-    from scene4d.core.tables import write_people
-
-    found = result.calibration
-    write_report(
-        folder,
-        found,
-        image_bgr=result.image_bgr,
-        people_bgr=result.people_bgr,
-        ground_sigma_m=found.ground_sigma_m if found else None,
-        network=None if result.reading is None else result.reading.camera,
-        source_name=result.source_name,
-        command=command,
-        timings=result.timings,
-        version=version("scene4d"),
-    )
-    write_people(folder / "people.parquet", _people_table(found))
-    if result.image_bgr is not None and found:
-        write_bytes(folder / BACKGROUND, _jpeg(result.image_bgr))
-    write_json(folder / "camera.json", found.to_dict())
 
 
 def _jpeg(image_bgr: np.ndarray) -> bytes:

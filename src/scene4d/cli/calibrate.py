@@ -202,8 +202,8 @@ def calibrate(
         format=format_,
     )
     with output_folder(out), job.progress() as progress:
-        result = run(source, options, progress)
-        write(result, out, command=command_line(), progress=progress)
+        result = run(source, options, progress, command=command_line())
+        write(result, out, progress=progress)
     return calibrated(result.calibration, out)
 
 
@@ -251,12 +251,11 @@ def _warnings(found: "Calibration") -> "Table":
 
 
 def _rows(found: "Calibration") -> list[tuple[str, str, str]]:
-    from scene4d.drawing.words import parameter_rows, rounded_m
+    from scene4d.drawing.words import ground_error_texts, parameter_rows
 
     rows = [(row.name, row.value, row.meaning) for row in parameter_rows(found)] if found else []
-    if found and found.ground_error_m is not None:
-        median, p90 = (rounded_m(found.ground_error_m[name]) for name in ("median", "p90"))
-        rows.append(("Ground error", median, f"predicted median; one in ten is over {p90}"))
+    for name, median, p90 in ground_error_texts(found) if found else []:
+        rows.append((f"Error {name}", median, f"predicted median; one in ten is over {p90}"))
     where = f"{found.frames} frame{'' if found.frames == 1 else 's'}"
     if found:
         of = f"of {found.people} sightings in {where} agree with the camera"

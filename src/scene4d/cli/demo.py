@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from scene4d.cli.arguments import command_line
 from scene4d.cli.command import Answer, Job, command, output_folder
 from scene4d.cli.output import emit, say
 from scene4d.core.errors import OutputError, UnavailableError
@@ -49,12 +50,11 @@ def demo(
       scene4d demo --out first --json
     """
     from scene4d.calibration.writing import write
-    from scene4d.cli.arguments import command_line
     from scene4d.cli.calibrate import calibrated
 
     with output_folder(out), job.progress() as progress:
         result, video = _calibrated(progress)
-        write(result, out, command=command_line(), progress=progress)
+        write(result, out, progress=progress)
         chain = None if video is None else _tracked_and_searched(video, out, progress)
     source = "embedded table" if video is None else "video"
     more = {} if chain is None else {"scene": str(out / "scene"), "search": chain.to_dict()}
@@ -107,7 +107,7 @@ def _calibrated(progress: "Progress") -> "tuple[Run, Path | None]":
         fetch_weights(progress, vehicles=True)
     except (UnavailableError, OutputError) as error:
         return _from_embedded_people(video, str(error), progress), None
-    return run(video, CalibrateOptions(), progress), video
+    return run(video, CalibrateOptions(), progress, command=command_line()), video
 
 
 def _from_embedded_people(video: Path | None, why: str, progress: "Progress") -> "Run":
@@ -129,6 +129,7 @@ def _from_embedded_people(video: Path | None, why: str, progress: "Progress") ->
         _TITLE,
         image_bgr=None if video is None else _first_picture(video),
         notes=(note,),
+        command=command_line(),
     )
 
 

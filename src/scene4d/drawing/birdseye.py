@@ -30,8 +30,10 @@ class Rectified:
     seen: Bool[np.ndarray, "h w"]
 
 
-def draw_birdseye(calibration: Calibration, image_bgr: np.ndarray | None = None) -> bytes | None:
-    """PNG of the view from above; None where no inlier stands on the ground."""
+def draw_birdseye(
+    calibration: Calibration, image_bgr: np.ndarray | None = None
+) -> style.Drawn | None:
+    """The view from above; None where no inlier stands on the ground."""
     camera = calibration.camera
     if camera is None:
         raise ValueError("a bird's-eye view needs a camera")
@@ -46,8 +48,7 @@ def draw_birdseye(calibration: Calibration, image_bgr: np.ndarray | None = None)
     show_ground(axes, view)
     handles = [*viewed(axes, camera, view), *_footprints(axes, xy, used, segments.track)]
     handles += camera_mark(axes, camera, area)
-    style.legend_below(fig, handles, 0.28)
-    return style.png(fig)
+    return style.drawn(fig, handles, 0.27)
 
 
 def with_camera(area: Area, camera: Camera) -> Area:
@@ -109,13 +110,13 @@ def ground_axes(area: Area) -> tuple[Figure, Axes]:
     axes.set_xlim(area.x_min, area.x_max)
     axes.set_ylim(area.y_min, area.y_max)
     axes.set_autoscale_on(False)
-    axes.set_facecolor("#EEF0F2")
+    axes.set_facecolor("#C4CAD1")
     step = grid_step(area)
     axes.set_xticks(grid_values(area.x_min, area.x_max, step))
     axes.set_yticks(grid_values(area.y_min, area.y_max, step))
-    axes.tick_params(labelsize=style.NORMAL, colors=style.INK, length=3)
-    axes.set_xlabel("metres to the right of the camera", fontsize=style.NORMAL, color=style.INK)
-    axes.set_ylabel("metres ahead of the camera", fontsize=style.NORMAL, color=style.INK)
+    axes.tick_params(labelsize=style.NORMAL, colors=style.AXIS, length=3)
+    axes.set_xlabel("metres to the right of the camera", fontsize=style.NORMAL, color=style.AXIS)
+    axes.set_ylabel("metres ahead of the camera", fontsize=style.NORMAL, color=style.AXIS)
     axes.grid(color=style.INK, alpha=0.22, lw=0.6)
     axes.set_axisbelow(False)
     for spine in axes.spines.values():

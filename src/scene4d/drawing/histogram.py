@@ -16,6 +16,7 @@ from scene4d.drawing.ground import implied_heights, track_medians
 from scene4d.drawing.overlay import people_of
 
 _BIN_M = 0.025
+_MEAN = "#4A90D9"
 
 
 def inlier_heights(
@@ -31,30 +32,31 @@ def inlier_heights(
     return heights[np.isfinite(heights)], medians
 
 
-def draw_histogram(calibration: Calibration) -> bytes:
-    """PNG of the histogram, with the assumed mean and one standard deviation to either side."""
+def draw_histogram(calibration: Calibration) -> style.Drawn:
+    """The histogram, with the assumed mean and one standard deviation to either side."""
     heights, medians = inlier_heights(calibration)
     mean = calibration.person_height_m
     fig = style.figure(style.WIDTH_IN, 3.9)
-    axes = fig.add_axes((0.075, 0.24, 0.905, 0.68))
+    axes = fig.add_axes((0.075, 0.24, 0.905, 0.68), facecolor="none")
     low, high = mean - 0.6, mean + 0.6
     inside = heights[(heights >= low) & (heights < high)]
     bins = mean + _BIN_M * np.arange(-24, 25)
-    axes.axvspan(mean - HEIGHT_SIGMA_M, mean + HEIGHT_SIGMA_M, color="#CFE3F5", lw=0, zorder=0)
-    axes.axvline(mean, color="#1F5F99", lw=1.6, zorder=3)
+    axes.axvspan(
+        mean - HEIGHT_SIGMA_M, mean + HEIGHT_SIGMA_M, color=_MEAN, alpha=0.25, lw=0, zorder=0
+    )
+    axes.axvline(mean, color=_MEAN, lw=1.6, zorder=3)
     counts = np.histogram(inside, bins)[0]
-    axes.bar(bins[:-1], counts, _BIN_M, align="edge", color="#E58A8F", ec="white", lw=0.6, zorder=2)
+    axes.bar(bins[:-1], counts, _BIN_M, align="edge", color="#8FBCEB", ec="white", lw=0.6, zorder=2)
     handles: list[Any] = [
-        Patch(color="#E58A8F", label="sightings (inliers)"),
-        Line2D([], [], color="#1F5F99", lw=1.6, label=f"assumed mean, {mean:.2f} m"),
-        Patch(color="#CFE3F5", label=f"± {HEIGHT_SIGMA_M:.2f} m, adults"),
+        Patch(color="#8FBCEB", label="sightings (inliers)"),
+        Line2D([], [], color=_MEAN, lw=1.6, label=f"assumed mean, {mean:.2f} m"),
+        Patch(color=_MEAN, alpha=0.25, label=f"± {HEIGHT_SIGMA_M:.2f} m, adults"),
     ]
     top = 1.18 * max(float(counts.max()), 1.0)
     if len(medians) > 1:
         handles.append(_medians(axes, medians, top))
     _frame(axes, (low, high), top, len(heights) - len(inside))
-    style.legend_below(fig, handles, 0.24)
-    return style.png(fig)
+    return style.drawn(fig, handles, 0.24)
 
 
 def _medians(axes: Axes, medians: Float[np.ndarray, "m"], top: float) -> Line2D:
@@ -64,26 +66,26 @@ def _medians(axes: Axes, medians: Float[np.ndarray, "m"], top: float) -> Line2D:
         ls="",
         marker="v",
         ms=6,
-        color=style.INK,
+        color=style.AXIS,
         mec="white",
         mew=0.5,
         alpha=0.8,
         zorder=4,
     )
     label = f"median of each of {len(medians)} tracks"
-    return Line2D([], [], ls="", marker="v", ms=6, color=style.INK, label=label)
+    return Line2D([], [], ls="", marker="v", ms=6, color=style.AXIS, label=label)
 
 
 def _frame(axes: Axes, limits: tuple[float, float], top: float, outside: int) -> None:
     axes.set_xlim(limits)
     axes.set_ylim(0, top)
-    axes.set_xlabel("implied height of the person (m)", fontsize=style.NORMAL, color=style.INK)
-    axes.set_ylabel("sightings", fontsize=style.NORMAL, color=style.INK)
+    axes.set_xlabel("implied height of the person (m)", fontsize=style.NORMAL, color=style.AXIS)
+    axes.set_ylabel("sightings", fontsize=style.NORMAL, color=style.AXIS)
     axes.yaxis.set_major_locator(MaxNLocator(6, integer=True))
-    axes.tick_params(labelsize=style.NORMAL, colors=style.INK, length=3)
+    axes.tick_params(labelsize=style.NORMAL, colors=style.AXIS, length=3)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(style.FAINT)
-    axes.grid(axis="y", color="#E7EAEE", lw=0.7)
+    axes.grid(axis="y", color=style.FAINT, alpha=0.4, lw=0.7)
     axes.set_axisbelow(True)
     if outside:
         note = f"{outside} outside this range"

@@ -31,16 +31,22 @@ from scene4d.drawing.words import number
 MAX_DOTS, MAX_LINES = 1500, 250
 
 
+_MOST_ABOVE = 0.6
+"""The canvas is extended above the frame to show a horizon, by at most this share of its height."""
+
+
 def draw_overlay(
     calibration: Calibration, image_bgr: np.ndarray | None = None, network: Camera | None = None
-) -> bytes:
-    """PNG of the frame with the geometry, or with the people alone where there is no camera.
+) -> style.Drawn:
+    """The frame with the geometry, or with the people alone where there is no camera.
 
     ``network`` is the camera as the orientation network reads it, of which the horizon is drawn.
+    Where a horizon lies above the frame the canvas goes on to show it.
     """
     segments, _ = people_of(calibration)
-    fig, axes, strip = style.picture(image_bgr, calibration.image_size)
     camera = calibration.camera if calibration else None
+    above = max(_room_above(seen) for seen in (camera, network))
+    fig, axes, strip = style.picture(image_bgr, calibration.image_size, above_px=above)
     if camera is None:
         every = np.ones(len(segments), bool)
         handles = _people(axes, segments, [(every, style.SEEN, "o", "person: foot and head")])
@@ -48,9 +54,28 @@ def draw_overlay(
         handles = _geometry(axes, calibration, camera)
     if network is not None:
         handles += _second_horizon(axes, network)
-    if handles:
-        style.legend_below(fig, handles, strip)
-    return style.png(fig)
+    return style.drawn(fig, handles, strip)
+
+
+def _room_above(camera: Camera | None) -> float:
+    """Height of the canvas (px) above the frame that shows the horizon; 0 where none helps."""
+    if camera is None or not horizon_shown(camera):
+        return 0.0
+    highest = float(_between_sides(camera)[:, 1].min())
+    return 0.06 * camera.image_size[1] - highest if highest < 0 else 0.0
+
+
+def horizon_shown(camera: Camera) -> bool:
+    """Whether the figure shows the horizon: it crosses the frame, or passes a little above it."""
+    rows, height = _between_sides(camera)[:, 1], camera.image_size[1]
+    return len(rows) > 0 and bool(-_MOST_ABOVE * height <= rows.min() <= height)
+
+
+def _between_sides(camera: Camera) -> Float[np.ndarray, "n 2"]:
+    """The points of the horizon that lie above, in or below the frame, not beside it."""
+    curve = horizon_curve(camera)
+    with np.errstate(invalid="ignore"):
+        return curve[(curve[:, 0] >= -0.5) & (curve[:, 0] <= camera.image_size[0] - 0.5)]
 
 
 def _geometry(axes: Axes, calibration: Calibration, camera: Camera) -> list[Any]:
@@ -182,7 +207,7 @@ def _ticks(axes: Axes, camera: Camera) -> list[Any]:
 
 def _horizon(axes: Axes, camera: Camera, covariance: Float[np.ndarray, "5 5"] | None) -> list[Any]:
     curve = horizon_curve(camera)
-    if not in_frame(curve, camera.image_size).any():
+    if not horizon_shown(camera):
         return [_unseen(camera, "horizon", style.HORIZON)]
     if covariance is not None:
         upper, lower = horizon_band(camera, covariance, curve)
@@ -208,7 +233,7 @@ def _unseen(camera: Camera, name: str, colour: str) -> Line2D:
 def _second_horizon(axes: Axes, network: Camera) -> list[Any]:
     """Thin and dashed: a second opinion, not the answer."""
     curve = horizon_curve(network)
-    if not in_frame(curve, network.image_size).any():
+    if not horizon_shown(network):
         return [_unseen(network, "network's horizon", style.NETWORK)]
     effects = style.halo(2.0)
     look: dict[str, Any] = {

@@ -19,6 +19,8 @@ class Shown:
     uri: str
     alt: str
     caption: str
+    legend: tuple[tuple[str, str], ...] = ()
+    """Labels, each with its mark as SVG, where the picture has no legend of its own."""
 
 
 def rendered(package: str, template: str, values: Mapping[str, Any]) -> str:
@@ -44,7 +46,7 @@ def seconds_text(seconds: float) -> str:
 
 
 def data_uri(png: bytes) -> str:
-    """A ``data:`` URI of the picture: the PNG where it is small, else a JPEG of full colour.
+    """A ``data:`` URI of the picture: the PNG where it is small, else a WebP.
 
     The quality falls until the picture fits :data:`EMBED_BYTES`, but not below 60.
     """
@@ -52,12 +54,10 @@ def data_uri(png: bytes) -> str:
         return "data:image/png;base64," + base64.b64encode(png).decode()
     import cv2
 
-    pixels = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
-    full_colour = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
-    jpeg = b""
-    for quality in (90, 82, 72, 60):
-        options = [cv2.IMWRITE_JPEG_QUALITY, quality, *full_colour]
-        jpeg = cv2.imencode(".jpg", pixels, options)[1].tobytes()
-        if len(jpeg) <= EMBED_BYTES:
+    pixels = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    webp = b""
+    for quality in (92, 84, 72, 60):
+        webp = cv2.imencode(".webp", pixels, [cv2.IMWRITE_WEBP_QUALITY, quality])[1].tobytes()
+        if len(webp) <= EMBED_BYTES:
             break
-    return "data:image/jpeg;base64," + base64.b64encode(jpeg).decode()
+    return "data:image/webp;base64," + base64.b64encode(webp).decode()

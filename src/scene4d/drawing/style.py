@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -9,17 +10,22 @@ import numpy as np
 from matplotlib import patheffects
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from scene4d.core.errors import InputError
 
-# Red and blue stay apart under every colour blindness; markers differ as well.
-INLIER, OUTLIER, SEEN = "#E0303A", "#3A8DFF", "#E69F00"
+# Blue is accepted and red rejected. They stay apart under every colour blindness, and their markers
+# differ as well.
+INLIER, OUTLIER, SEEN = "#3A8DFF", "#E0303A", "#E69F00"
 UPRIGHT, HORIZON, TICK = "#FFC845", "#5FE3E8", "#FFFFFF"
 INK, FAINT, CANVAS = "#22272E", "#8A929C", "#414952"
+AXIS = "#76808C"
+"""Letters beside a picture: readable (4:1) on a white page and on a dark one."""
 NETWORK = "#FF9BE8"
-# Okabe and Ito (2008), without the blues, which mean "outlier" here.
-TRACKS = ("#E69F00", "#009E73", "#CC79A7", "#F0E442", "#D55E00")
+# Okabe and Ito (2008), without the reds, which mean "rejected" here.
+TRACKS = ("#E69F00", "#009E73", "#CC79A7", "#F0E442", "#56B4E9")
 BANDS = ("#FFFFCC", "#FEDD7F", "#FEAE45", "#F4622B", "#C9161D", "#6E0028")
 """Error bands, light to dark: their order survives greyscale."""
 
@@ -46,6 +52,68 @@ def png(fig: Figure) -> bytes:
     buffer = io.BytesIO()
     fig.savefig(buffer, format="png", metadata={"Software": None})
     return buffer.getvalue()
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure: ``png`` is the file, on white and with its legend. ``page_png`` is transparent and
+    without the legend, which a page writes itself, legible at every width and in the dark: labels
+    with their marks as SVG.
+    """
+
+    png: bytes
+    page_png: bytes
+    legend: tuple[tuple[str, str], ...]
+
+
+def drawn(fig: Figure, handles: Sequence[Any], middle_in: float) -> Drawn:
+    """The figure with a legend below, in a strip whose middle is ``middle_in`` above the edge."""
+    if handles:
+        legend_below(fig, handles, middle_in)
+    fig.patch.set_alpha(0.0)
+    canvas = FigureCanvasAgg(fig)
+    canvas.draw()
+    rgba = np.asarray(canvas.buffer_rgba())
+    alpha = rgba[..., 3:] / 255.0
+    bgr = (rgba[..., 2::-1] * alpha + 255 * (1 - alpha)).round().astype(np.uint8)
+    rows = len(rgba) - round(2 * middle_in * _DPI)
+    page = cv2.cvtColor(rgba[:rows], cv2.COLOR_RGBA2BGRA)
+    legend = tuple((str(handle.get_label()), _mark_svg(handle)) for handle in handles)
+    return Drawn(_coded(bgr), _coded(page), legend)
+
+
+def _coded(pixels: np.ndarray) -> bytes:
+    return bytes(cv2.imencode(".png", pixels)[1].tobytes())
+
+
+_MARKERS = {
+    "o": '<circle cx="16" cy="9" r="4"',
+    "X": '<path d="M12 5 20 13M20 5 12 13"',
+    "^": '<path d="M11 13 16 5 21 13Z"',
+    "v": '<path d="M11 5 16 13 21 5Z"',
+    "+": '<path d="M16 4V14M11 9H21"',
+    "|": '<path d="M16 3V15"',
+}
+
+
+def _mark_svg(handle: Any) -> str:
+    """The mark of a legend's entry on a dark tile, like the pictures it lies on."""
+    tile = f'<rect width="32" height="18" rx="3" fill="{CANVAS}"/>'
+    if not isinstance(handle, Line2D):
+        colour = to_hex(handle.get_facecolor())
+        return _svg(f'{tile}<rect x="5" y="4" width="22" height="10" fill="{colour}"/>')
+    colour, shapes = to_hex(handle.get_color()), [tile]
+    if handle.get_linestyle() not in ("None", "", " "):
+        dashes = "" if handle.get_linestyle() == "-" else ' stroke-dasharray="6 3"'
+        shapes.append(f'<path d="M3 9H29" stroke="{colour}" stroke-width="2"{dashes}/>')
+    if handle.get_marker() in _MARKERS:
+        mark = _MARKERS[str(handle.get_marker())]
+        shapes.append(f'{mark} fill="{colour}" stroke="{colour}" stroke-width="2"/>')
+    return _svg("".join(shapes))
+
+
+def _svg(shapes: str) -> str:
+    return f'<svg viewBox="0 0 32 18" width="32" height="18" aria-hidden="true">{shapes}</svg>'
 
 
 def checked_image(image_bgr: np.ndarray | None, image_size: tuple[int, int]) -> np.ndarray | None:
@@ -75,14 +143,15 @@ def picture(
     image_size: tuple[int, int],
     *,
     grey: bool = False,
+    above_px: float = 0.0,
 ) -> tuple[Figure, Axes, float]:
     """A figure that shows the frame (or a plain canvas) in full above a strip for the legend.
 
     Axes are in pixels of the footage, whatever the figure's own size; ``grey`` takes the colour
-    out of the frame, so that colours laid over it can be read. The third value is the middle of
-    the strip in inches.
+    out of the frame, so that colours laid over it can be read; ``above_px`` is the height of an
+    empty canvas above the frame. The third value is the middle of the strip in inches.
     """
-    width, height = image_size
+    width, height = image_size[0], image_size[1] + above_px
     scale = min(WIDTH_IN / width, MAX_HEIGHT_IN / height)
     wide, high = width * scale, height * scale
     strip_in = 0.7 if wide > 7 else 0.95
@@ -91,16 +160,17 @@ def picture(
     left = (full_w - wide) / 2 / full_w
     axes = fig.add_axes((left, strip_in / full_h, wide / full_w, high / full_h))
     axes.set_axis_off()
-    extent = (-0.5, width - 0.5, height - 0.5, -0.5)
+    extent = (-0.5, width - 0.5, image_size[1] - 0.5, -0.5)
+    axes.axhspan(-0.5 - above_px, -0.5, color=CANVAS, lw=0, zorder=0)
     if image_bgr is None:
-        axes.axhspan(-0.5, height - 0.5, color=CANVAS, zorder=0)
+        axes.axhspan(-0.5, image_size[1] - 0.5, color=CANVAS, zorder=0)
     else:
         rgb = shown(image_bgr)
         if grey:
             rgb = np.repeat(rgb.mean(axis=2, keepdims=True), 3, axis=2).astype(np.uint8)
         axes.imshow(rgb, extent=extent, aspect="auto", interpolation="antialiased")
     axes.set_xlim(extent[:2])
-    axes.set_ylim(extent[2:])
+    axes.set_ylim(extent[2], -0.5 - above_px)
     axes.set_autoscale_on(False)
     return fig, axes, strip_in / 2
 

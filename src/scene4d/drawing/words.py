@@ -63,10 +63,29 @@ def verdict(calibration: Calibration) -> str:
     height = plus_minus(camera.height_m, sigma.get("height_m"), "m")
     angle = plus_minus(abs(tilt), sigma.get("tilt_deg"), "°")
     text = f"Camera found: {height} above the ground, looking {angle} {look}"
-    median = (calibration.ground_error_m or {}).get("median")
-    if median is None or not np.isfinite(median):
+    errors = ground_error_texts(calibration)
+    if not errors:
         return text + "."
-    return text + f"; positions on the ground are good to about {rounded_m(median)} (median)."
+    medians = [f"{median} {name}" for name, median, _ in errors]
+    return f"{text}; positions on the ground are good to about {' and '.join(medians)} (medians)."
+
+
+def ground_error_texts(calibration: Calibration) -> list[tuple[str, str, str]]:
+    """The two predicted ground errors where people walked: name, median, and what nine in ten
+    places stay below. Those that are not known are left out.
+
+    *Within the scene* is the error of positions among themselves: a shift or turn of the whole
+    scene is none. *From the camera* counts it: it is the error of a distance to the camera.
+    """
+    rows = (
+        ("within the scene", calibration.ground_error_m),
+        ("from the camera", calibration.ground_error_from_camera_m),
+    )
+    return [
+        (name, rounded_m(error["median"]), rounded_m(error["p90"]))
+        for name, error in rows
+        if error is not None and np.isfinite([error["median"], error["p90"]]).all()
+    ]
 
 
 def rounded_m(metres: float) -> str:

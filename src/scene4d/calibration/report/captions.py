@@ -3,19 +3,20 @@
 import numpy as np
 
 from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
 from scene4d.drawing.birdseye import MAX_DOTS as ABOVE_DOTS
 from scene4d.drawing.histogram import inlier_heights
-from scene4d.drawing.overlay import MAX_DOTS, people_of
-
-_NETWORK = (
-    " The thin dashed line is the horizon that the orientation network reads in the pictures: a "
-    "second opinion, which knows nothing of the people."
-)
+from scene4d.drawing.overlay import MAX_DOTS, horizon_shown, people_of
 
 
-def caption(name: str, calibration: Calibration, *, has_network: bool = False) -> str:
-    """What to see in a figure; ``has_network`` where the network's horizon is drawn."""
-    dashed = _NETWORK if has_network else ""
+def caption(name: str, calibration: Calibration, network: Camera | None = None) -> str:
+    """What to see in a figure; ``network`` is the camera as the orientation network reads it."""
+    dashed = ""
+    if network is not None and horizon_shown(network):
+        dashed = (
+            " The thin dashed line is the horizon that the orientation network reads in the "
+            "pictures, without looking at the people: a second opinion."
+        )
     if not calibration:
         return (
             "The people that were found. Without a camera little else can be drawn."
@@ -25,11 +26,9 @@ def caption(name: str, calibration: Calibration, *, has_network: bool = False) -
     height = f"{calibration.person_height_m:.2f}"
     texts = {
         "overlay": (
-            "What to check: the horizon lies where the ground would end if it went on for ever; "
-            f"the uprights stand on the ground and are as tall as a person of {height} m "
-            "beside them; the short white ticks run along the corners of buildings and along poles."
-            + dashed
-            + _sample(calibration, MAX_DOTS)
+            f"What to check: {_horizon(calibration)}the uprights stand on the ground and are as "
+            f"tall as a person of {height} m beside them; the short white ticks run along the "
+            "corners of buildings and along poles." + dashed + _sample(calibration, MAX_DOTS)
         ),
         "birdseye": (
             "The frame laid flat on the ground. Straight kerbs and markings should be straight, "
@@ -37,8 +36,9 @@ def caption(name: str, calibration: Calibration, *, has_network: bool = False) -
             "away from the camera." + _sample(calibration, ABOVE_DOTS)
         ),
         "errormap": (
-            "Predicted error (one standard deviation) of a position on the ground, by where it "
-            "lies in the frame. There is none above the horizon."
+            "Predicted error (one standard deviation) of a position on the ground within the "
+            "scene, by where it lies in the frame: a shift or turn of the whole scene is not "
+            "counted. There is none above the horizon."
         ),
         "heights": _heights(calibration),
     }
@@ -61,6 +61,12 @@ def words_for_picture(name: str, calibration: Calibration) -> str:
         "heights": "Histogram of people's heights. " + _heights(calibration),
     }
     return texts[name]
+
+
+def _horizon(calibration: Calibration) -> str:
+    if calibration.camera is None or not horizon_shown(calibration.camera):
+        return ""
+    return "the horizon lies where the ground would end if it went on for ever; "
 
 
 def _heights(calibration: Calibration) -> str:

@@ -1,7 +1,5 @@
 """The predicted error of ground positions, as a map over the frame."""
 
-from collections.abc import Callable
-
 import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
@@ -10,7 +8,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from scene4d.core.calibration import Calibration
-from scene4d.core.camera import Camera
 from scene4d.drawing import style
 from scene4d.drawing.ground import thinned
 from scene4d.drawing.overlay import people_of
@@ -20,16 +17,12 @@ _OPACITY = 0.5
 _CAP_M = 1e6
 
 
-def draw_error_map(
-    calibration: Calibration,
-    ground_sigma_m: Callable[[np.ndarray], np.ndarray],
-    image_bgr: np.ndarray | None = None,
-) -> bytes:
-    """PNG of the frame under colour bands of ``ground_sigma_m``, by pixels of the footage."""
+def draw_error_map(calibration: Calibration, image_bgr: np.ndarray | None = None) -> style.Drawn:
+    """The frame under colour bands of the predicted error within the scene."""
     if calibration.camera is None:
         raise ValueError("an error map needs a camera")
     fig, axes, strip = style.picture(image_bgr, calibration.image_size, grey=True)
-    u, v, sigma = error_grid(calibration.camera, ground_sigma_m)
+    u, v, sigma = error_grid(calibration)
     handles = _bands(axes, u, v, sigma)
     segments, used = people_of(calibration)
     dots = segments.foot_uv[thinned(used, 800, len(used))]
@@ -37,22 +30,19 @@ def draw_error_map(
     handles.append(
         Line2D([], [], ls="", marker="o", ms=3, c=style.INK, label="where people walked")
     )
-    style.legend_below(fig, handles, strip)
-    return style.png(fig)
+    return style.drawn(fig, handles, strip)
 
 
 def error_grid(
-    camera: Camera, ground_sigma_m: Callable[[np.ndarray], np.ndarray], columns: int = 320
+    calibration: Calibration, columns: int = 320
 ) -> tuple[Float[np.ndarray, "w"], Float[np.ndarray, "h"], Float[np.ndarray, "h w"]]:
     """Predicted error on a lattice of footage pixels ``(u, v, sigma_m)``; NaN without ground."""
-    width, height = camera.image_size
+    width, height = calibration.image_size
     rows = max(round(columns * height / width), 2)
     u, v = np.linspace(-0.5, width - 0.5, columns), np.linspace(-0.5, height - 0.5, rows)
     uv = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    valid = camera.undistort(uv)[1]
-    sigma = np.full(len(uv), np.nan)
-    sigma[valid] = ground_sigma_m(uv[valid])
-    return u, v, np.minimum(sigma, _CAP_M).reshape(rows, columns)
+    sigma = np.minimum(calibration.ground_sigma_m(uv), _CAP_M)
+    return u, v, sigma.reshape(rows, columns)
 
 
 def _bands(
