@@ -16,16 +16,14 @@ _SEPARATORS = re.compile(r"[\s,;]+")
 _LARGEST_INTEGER = 2.0**53  # beyond it, not every whole number is a float
 
 
-def numeric_table(
-    text: str, least_columns: int
-) -> tuple[Float[np.ndarray, "n c"], Int[np.ndarray, "n"]]:
-    """Rows of numbers separated by commas, semicolons or blanks, and the line of each row.
+def numeric_table(text: str, least_columns: int) -> tuple[Float[np.ndarray, "n c"], list[str]]:
+    """Rows of numbers separated by commas, semicolons or blanks, and where each row is.
 
     Blank lines and what follows ``#`` are skipped. Raises :class:`InputError` naming the line of
     the first token that is no number, and where the count of columns changes.
     """
     lines = [line.partition("#")[0].strip() for line in text.splitlines()]
-    numbers = np.array([n for n, line in enumerate(lines, start=1) if line], dtype=np.int64)
+    where = [f"line {n}" for n, line in enumerate(lines, start=1) if line]
     rows = [line for line in lines if line]
     if not rows:
         raise InputError("the file holds no rows of numbers")
@@ -33,23 +31,23 @@ def numeric_table(
     try:
         table = np.loadtxt(rows, delimiter=delimiter, ndmin=2, comments=None)
     except ValueError as error:
-        raise _culprit(rows, numbers, delimiter) from error
+        raise _culprit(rows, where, delimiter) from error
     if table.shape[1] < least_columns:
         raise InputError(
-            f"line {numbers[0]}: expected at least {least_columns} columns, found {table.shape[1]}"
+            f"{where[0]}: expected at least {least_columns} columns, found {table.shape[1]}"
         )
-    return table, numbers
+    return table, where
 
 
-def _culprit(rows: list[str], numbers: np.ndarray, delimiter: str | None) -> InputError:
+def _culprit(rows: list[str], where: list[str], delimiter: str | None) -> InputError:
     columns = len(rows[0].split(delimiter))
-    for row, number in zip(rows, numbers, strict=True):
+    for row, at in zip(rows, where, strict=True):
         tokens = row.split(delimiter)
         if len(tokens) != columns:
-            return InputError(f"line {number}: expected {columns} columns, found {len(tokens)}")
-        wrong = next((token for token in tokens if not is_number(token)), None)
+            return InputError(f"{at}: expected {columns} columns, found {len(tokens)}")
+        wrong = next((token for token in tokens if not all_numbers([token])), None)
         if wrong is not None:
-            return InputError(f"line {number}: expected a number, found {quoted(wrong.strip())}")
+            return InputError(f"{at}: expected a number, found {quoted(wrong.strip())}")
     return InputError("is not a table of numbers")
 
 
@@ -66,10 +64,11 @@ def whole(values: Float[np.ndarray, "n"], name: str, where: Sequence[str]) -> In
     return values.astype(np.int64)
 
 
-def is_number(word: str) -> bool:
-    """Whether ``float`` reads it."""
+def all_numbers(tokens: Iterable[str]) -> bool:
+    """Whether ``float`` reads every one."""
     try:
-        float(word)
+        for token in tokens:
+            float(token)
     except ValueError:
         return False
     return True
@@ -141,8 +140,3 @@ def matrix_fields(values: dict[str, Any], rows: int, columns: int) -> list[str]:
         if isinstance(value, list)
         and [len(row) if isinstance(row, list) else 0 for row in value] == [columns] * rows
     ]
-
-
-def all_numbers(tokens: Iterable[str]) -> bool:
-    """Whether ``float`` reads every one."""
-    return all(map(is_number, tokens))

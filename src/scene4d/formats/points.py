@@ -18,7 +18,7 @@ from scene4d.core.tables import read_table
 from scene4d.core.text import head_text, prefixed, quoted, read_text
 from scene4d.formats.annotations import annotation_formats, read_annotations
 from scene4d.formats.choosing import names, recognised
-from scene4d.formats.numbers import is_number, numeric_table
+from scene4d.formats.numbers import all_numbers, numeric_table
 
 _SEPARATORS = re.compile(r"\s*[,;]\s*|\s+")
 _NEEDED = ("foot_u", "foot_v", "inlier")
@@ -67,7 +67,7 @@ def _is_header(words: list[str]) -> bool:
 
 def _has_two_columns(head: str) -> bool:
     _, words = _first_row(head)
-    return len(words) == 2 and (_is_header(words) or any(map(is_number, words)))
+    return len(words) == 2 and (_is_header(words) or any(all_numbers([word]) for word in words))
 
 
 def _listed(path: Path, image_size: tuple[int, int]) -> Float[np.ndarray, "n 2"]:
@@ -77,10 +77,10 @@ def _listed(path: Path, image_size: tuple[int, int]) -> Float[np.ndarray, "n 2"]
         lines = text.splitlines()
         lines[index] = ""  # a blank line keeps the numbers of the others
         text = "\n".join(lines)
-    table, lines_of = numeric_table(text, 2)
+    table, where = numeric_table(text, 2)
     if table.shape[1] != 2:
-        raise InputError(f"line {lines_of[0]}: expected 2 columns u v, found {table.shape[1]}")
-    return _checked(table, lambda row: f"line {lines_of[row]}", image_size)
+        raise InputError(f"{where[0]}: expected 2 columns u v, found {table.shape[1]}")
+    return _checked(table, where.__getitem__, image_size)
 
 
 def _inlier_feet(path: Path, image_size: tuple[int, int]) -> Float[np.ndarray, "n 2"]:

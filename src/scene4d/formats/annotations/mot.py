@@ -8,6 +8,7 @@ benchmark ignores) are left out; with nine columns the eighth is the class, and 
 """
 
 import re
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -43,13 +44,12 @@ def _class_names(codes: np.ndarray, where: list[str]) -> np.ndarray:
 
 
 def _read(path: Path, image_size: tuple[int, int]) -> Rows:
-    table, lines = numeric_table(read_text(path), 6)
+    table, where = numeric_table(read_text(path), 6)
     columns = table.shape[1]
     truth = columns == 9 or (columns > 6 and path.stem.lower().startswith("gt"))
     if truth:
         considered = table[:, 6] != 0
-        table, lines = table[considered], lines[considered]
-    where = [f"line {n}" for n in lines]
+        table, where = table[considered], list(compress(where, considered))
     frame = whole(table[:, 0], "the frame number", where)
     if (frame < 1).any():
         first = int(np.argmax(frame < 1))

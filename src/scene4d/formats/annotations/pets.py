@@ -1,86 +1,57 @@
 """PETS XML (CVML): frames from 0, boxes as centre and size in pixels, one id per track."""
 
-import io
 from pathlib import Path
-from typing import Any
-from xml.sax import SAXParseException
-from xml.sax.handler import ContentHandler
-from xml.sax.xmlreader import InputSource
+from xml.etree.ElementTree import Element
 
-import defusedxml.sax
 import numpy as np
-from defusedxml.common import DefusedXmlException
 
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
-from scene4d.core.text import quoted, read_text
+from scene4d.core.text import parse_xml, quoted, read_text
 from scene4d.formats.annotations.contract import AnnotationFormat, Rows
+from scene4d.formats.numbers import all_numbers
 
 _BOX = ("xc", "yc", "w", "h")
-
-
-class _Boxes(ContentHandler):
-    """Collects (frame, id, box) with the line of each; a tree would not know its lines."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.frame: int | None = None
-        self.track = -1
-        self.rows: list[tuple[int, int, list[float]]] = []
-        self.where: list[str] = []
-
-    def _where(self) -> str:
-        return f"line {self._locator.getLineNumber()}"  # type: ignore[attr-defined]
-
-    def _number(self, name: str, attributes: Any, key: str, kind: type) -> Any:
-        text = attributes.get(key)
-        try:
-            return np.int64(text) if kind is int else float(text)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise InputError(
-                f"{self._where()}: <{name}> needs a number {key}=, found {quoted(text)}"
-            ) from error
-
-    def startElement(self, name: str, attrs: Any) -> None:
-        if name == "frame":
-            self.frame = self._number(name, attrs, "number", int)
-        elif name == "object":
-            self.track = self._number(name, attrs, "id", int)
-        elif name == "box":
-            if self.frame is None:
-                raise InputError(f"{self._where()}: <box> outside any <frame>")
-            box = [self._number(name, attrs, key, float) for key in _BOX]
-            self.rows.append((self.frame, self.track, box))
-            self.where.append(self._where())
+_MOST_DIGITS = 18  # what 64 bits hold
 
 
 def _sniff(path: Path, head: str) -> bool:
     return "<frame" in head and "<objectlist" in head
 
 
+def _integer(element: Element, name: str, where: str) -> int:
+    text = element.get(name, "")
+    if not text.lstrip("-").isdecimal() or len(text) > _MOST_DIGITS:
+        raise InputError(f"{where}: {name} must be a whole number, found {quoted(text)}")
+    return int(text)
+
+
+def _corners(box: Element, where: str) -> list[float]:
+    texts = [box.get(name, "") for name in _BOX]
+    if not all_numbers(texts):
+        raise InputError(f"{where}: the box needs numbers xc, yc, w, h, found {quoted(box.attrib)}")
+    x, y, width, height = map(float, texts)
+    return [x - width / 2, y - height / 2, x + width / 2, y + height / 2]
+
+
 def _read(path: Path, image_size: tuple[int, int]) -> Rows:
-    handler = _Boxes()
-    try:
-        parser = defusedxml.sax.make_parser()
-        parser.setContentHandler(handler)
-        source = InputSource()  # of text, so that the encoding it declares is of no account
-        source.setCharacterStream(io.StringIO(read_text(path)))
-        parser.parse(source)
-    except SAXParseException as error:
-        raise InputError(
-            f"line {error.getLineNumber()}: is not well-formed XML: {error.getMessage()}"
-        ) from error
-    except DefusedXmlException as error:
-        raise InputError(f"XML with entities or external references is refused: {error}") from error
-    box = np.array([row[2] for row in handler.rows], dtype=float).reshape(-1, 4)
-    centre, half = box[:, :2], box[:, 2:] / 2
+    frames, tracks, boxes, where = [], [], [], []
+    for i, frame in enumerate(parse_xml(read_text(path)).iter("frame"), start=1):
+        number = _integer(frame, "number", f"<frame> {i}")
+        for one in frame.iter("object"):
+            track = _integer(one, "id", f"frame {number}: <object>")
+            for box in one.iter("box"):
+                where.append(f"frame {number}, object {track}")
+                boxes.append(_corners(box, where[-1]))
+                frames.append(number)
+                tracks.append(track)
     found = Detections.from_boxes(
         image_size,
-        np.array([row[0] for row in handler.rows], dtype=np.int64),
-        np.hstack([centre - half, centre + half]),
-        track=np.array([row[1] for row in handler.rows], dtype=np.int64),
+        np.array(frames, dtype=np.int64),
+        np.array(boxes, dtype=float).reshape(-1, 4),
+        track=np.array(tracks, dtype=np.int64),
     )
-    return Rows(found, handler.where)
+    return Rows(found, where)
 
 
 FORMAT = AnnotationFormat("pets", "PETS XML", _sniff, _read)

@@ -5,6 +5,7 @@ position, each 1.90 m tall, so they prove nothing about heights; their feet are 
 positions.
 """
 
+from itertools import compress
 from pathlib import Path
 
 import numpy as np
@@ -37,8 +38,7 @@ def _sniff_csv(path: Path, head: str) -> bool:
 
 def _read_csv(path: Path, image_size: tuple[int, int]) -> Rows:
     """Columns: frame, person, left, top, width, height in pixels of 960x540, frames from 0."""
-    table, lines = numeric_table(read_text(path), 6)
-    where = [f"line {n}" for n in lines]
+    table, where = numeric_table(read_text(path), 6)
     box = np.hstack([table[:, 2:4], table[:, 2:4] + table[:, 4:6]])
     found = Detections.from_boxes(
         image_size,
@@ -59,9 +59,9 @@ def _read_top(path: Path, image_size: tuple[int, int]) -> Rows:
     Boxes are left, top, right, bottom in pixels of 1920x1080. Rows without a valid body are left
     out.
     """
-    table, lines = numeric_table(read_text(path), 12)
+    table, where = numeric_table(read_text(path), 12)
     valid = table[:, _BODY_VALID] != 0
-    table, where = table[valid], [f"line {n}" for n in lines[valid]]
+    table, where = table[valid], list(compress(where, valid))
     found = Detections.from_boxes(
         image_size,
         whole(table[:, 1], "the frame number", where),

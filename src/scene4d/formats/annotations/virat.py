@@ -56,8 +56,7 @@ def _check_layout(path: Path, text: str) -> None:
 def _read(path: Path, image_size: tuple[int, int]) -> Rows:
     text = read_text(path)
     _check_layout(path, text)
-    table, lines = numeric_table(text, _COLUMNS)
-    where = [f"line {n}" for n in lines]
+    table, where = numeric_table(text, _COLUMNS)
     kind = whole(table[:, 7], "the type", where)
     bad = (kind < 0) | (kind >= len(_CLASSES))
     if bad.any():

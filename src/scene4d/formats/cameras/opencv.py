@@ -109,50 +109,27 @@ def _read_xml(path: Path, image_size: ImageSize | None) -> Camera | Lens:
     return _camera({child.tag: _xml_value(child) for child in root}, image_size)
 
 
-def _scientific(values: np.ndarray) -> list[str]:
-    # 17 digits and always a point: OpenCV's own parser tells reals from integers by it.
-    return [f"{x + 0.0:.16e}" for x in values.ravel()]
+def _written(camera: Camera, form: str) -> str:
+    import cv2  # slow to load, and reading does without
 
-
-def _matrices(camera: Camera) -> dict[str, np.ndarray]:
-    return {
-        "camera_matrix": camera.K,
-        "distortion_coefficients": camera.distortion[:, None],
-        "R": camera.R,
-        "T": camera.t[:, None],
-    }
+    mode = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY
+    storage = cv2.FileStorage("", mode | getattr(cv2, f"FILE_STORAGE_FORMAT_{form}"))
+    storage.writeComment("R, T: cam_from_world, metres, world Z up")
+    storage.write("image_width", camera.image_size[0])
+    storage.write("image_height", camera.image_size[1])
+    storage.write("camera_matrix", camera.K)
+    storage.write("distortion_coefficients", camera.distortion[:, None])
+    storage.write("R", camera.R)
+    storage.write("T", camera.t[:, None])
+    return str(storage.releaseAndGetString())
 
 
 def _write_yaml(camera: Camera) -> str:
-    lines = ["%YAML:1.0", "---", "# R, T: cam_from_world, metres, world Z up"]
-    lines += [f"image_width: {camera.image_size[0]}", f"image_height: {camera.image_size[1]}"]
-    for name, values in _matrices(camera).items():
-        numbers = _scientific(values)
-        rows = [", ".join(numbers[i : i + 3]) for i in range(0, len(numbers), 3)]
-        lines += [
-            f"{name}: !!opencv-matrix",
-            f"   rows: {values.shape[0]}",
-            f"   cols: {values.shape[1]}",
-            "   dt: d",
-            "   data: [ " + ",\n       ".join(rows) + " ]",
-        ]
-    return "\n".join(lines) + "\n"
+    return _written(camera, "YAML")
 
 
 def _write_xml(camera: Camera) -> str:
-    lines = ['<?xml version="1.0"?>', "<opencv_storage>"]
-    lines += ["<!-- R, T: cam_from_world, metres, world Z up -->"]
-    lines += [f"<image_width>{camera.image_size[0]}</image_width>"]
-    lines += [f"<image_height>{camera.image_size[1]}</image_height>"]
-    for name, values in _matrices(camera).items():
-        lines += [
-            f'<{name} type_id="opencv-matrix">',
-            f"  <rows>{values.shape[0]}</rows>",
-            f"  <cols>{values.shape[1]}</cols>",
-            "  <dt>d</dt>",
-            f"  <data>\n    {' '.join(_scientific(values))}</data></{name}>",
-        ]
-    return "\n".join([*lines, "</opencv_storage>"]) + "\n"
+    return _written(camera, "XML")
 
 
 YAML = CameraFormat("opencv-yaml", "OpenCV FileStorage, YAML", _sniff_yaml, _read_yaml, _write_yaml)
