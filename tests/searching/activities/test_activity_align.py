@@ -151,6 +151,42 @@ def test_many_casts_at_once_are_as_each_alone(seed):
         assert moved == [list(one.whole) for _, one in alone]
 
 
+class _Counted(np.ndarray):
+    """Counts the numbers that functions of it make."""
+
+    made = 0
+
+    def __array_ufunc__(self, ufunc, method, *inputs, **more):
+        return self._count(getattr(ufunc, method)(*map(self._plain, inputs), **more))
+
+    def __array_function__(self, function, _, inputs, more):
+        return self._count(function(*map(self._plain, inputs), **more))
+
+    @staticmethod
+    def _plain(value):
+        return value.view(np.ndarray) if isinstance(value, _Counted) else value
+
+    @staticmethod
+    def _count(found):
+        _Counted.made += np.size(found)
+        return found.view(_Counted) if isinstance(found, np.ndarray) else found
+
+
+def test_stepping_back_takes_no_work_by_the_number_of_moments():
+    """A cast that misses moments: each of many steps back once took time by all of them."""
+    tick = np.delete(np.arange(20_000), [7, 9_000]).view(_Counted)
+    moments = Timeline(tick, np.array([0]).view(_Counted))
+    expected = [9_999 - 50, 0, 8_999 - 30]
+    assert [
+        int(moments.back(np.array([at]), by)[0]) for at, by in ((9_999, 50), (3, 9), (8_999, 31))
+    ] == expected
+    before = _Counted.made
+    for at in range(100, 200):
+        moments.back(np.array([at]), 10)
+    assert before > 20_000
+    assert _Counted.made - before < 100 * 20
+
+
 def test_a_single_bad_moment_does_not_kill_and_length_is_not_punished():
     def score(p):
         log_p = np.log(np.maximum(np.array([p]), FLOOR))

@@ -1,5 +1,7 @@
 """Scenes made by hand, of which it is known what happens in them."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -10,11 +12,13 @@ from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
+from scene4d.searching.activities import casting
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
 from scene4d.searching.activities.events import WITHOUT_BREAK, Event, Found, one_per_occurrence
 from scene4d.searching.activities.identity import unite_tracks
 from scene4d.searching.activities.search import find, judge
+from scene4d.searching.predicates import meeting
 from scene4d.searching.predicates.registry import PREDICATES
 
 CATALOGUE = load_catalogue()
@@ -581,3 +585,103 @@ def test_when_a_clip_begins_makes_no_difference(begin_s):
         for one, other in zip(before, after, strict=True):
             assert other.begin_s == pytest.approx(one.begin_s + begin_s)
             assert other.end_s == pytest.approx(one.end_s + begin_s)
+
+
+# What is asked must not explode, and nothing must outlive it.
+
+
+def test_nothing_keeps_a_stage_alive_after_it_was_searched():
+    """Not even until the next collection: a month of footage is searched stage by stage."""
+    tracks = [_parked(), _entering(), *(track(n, stay([n, 0], 4)) for n in range(5, 11))]
+    gc.collect()
+    gc.disable()
+    try:
+        for activity in CATALOGUE.values():
+            if not any("zone" in term.parameters for term in activity.terms):
+                world = stage(*tracks, camera_factor=lambda xy_m: np.zeros((len(xy_m), 2, 1)))
+                held = weakref.ref(world)
+                find(unite_tracks(world), activity)
+                find(world, activity)
+                del world
+                assert held() is None, activity.name
+    finally:
+        gc.enable()
+
+
+def _then(*roles):
+    """Each of the roles is lit for a second, one after the other; nothing binds them."""
+    phases = [Phase(name, (_term("lit", name),), 1.0, gap_s=20.0) for name in roles]
+    return Activity("then", tuple(Role(name, ("person",)) for name in roles), tuple(phases))
+
+
+def _lamps(count, lit_at):
+    """People of whom these are lit for two seconds each, and the others never."""
+    tracks = []
+    for number in range(count):
+        p = np.full(100, 0.01)
+        if number in lit_at:
+            p[lit_at[number] : lit_at[number] + 10] = 0.95
+        tracks.append(track(number, stay([5.0 * number, 0], 20), lit=p))
+    return stage(*tracks)
+
+
+def test_roles_that_nothing_binds_are_cast_from_those_who_can_play_them():
+    """Of 30 people 3 are ever lit: of 24,360 casts of three only their 6 are made."""
+    world = _lamps(30, {4: 0, 17: 30, 21: 60})
+    judged = judge(world, _then("a", "b", "c"), predicates=FAKES, min_score=0.5)
+    assert judged.casts == 6
+    assert _names(judged.events) == [{"a": 4, "b": 17, "c": 21}]
+    # A second lit moment of each is judged with the least score that is asked for, not with more.
+    everybody = judge(world, _then("a", "b"), predicates=FAKES, min_score=0.001)
+    assert everybody.casts == 30 * 29
+
+
+def test_too_many_casts_are_refused_before_they_are_made(monkeypatch):
+    """19 people who are all lit, four times "then": 93,024 casts."""
+    made = []
+    original = casting.expand
+
+    def counting(first, count):
+        made.append(int(count.sum()))
+        return original(first, count)
+
+    monkeypatch.setattr(casting, "expand", counting)
+    world = _lamps(19, {})
+    lit = replace(world, tracks=replace(world.tracks, score=np.full(len(world.tracks), 0.9)))
+    assert len(find(lit, _then("a", "b"), predicates=FAKES)) > 0
+    monkeypatch.setattr(meeting, "_MOST_ROWS", 2_500_000)
+    with pytest.raises(InputError, match=r"at which 4 roles .* fewer roles, say which .* near"):
+        find(lit, _then("a", "b", "c", "d"), predicates=FAKES)
+    assert max(made) * 3 <= 2_500_000
+
+
+@given(st.integers(0, 10_000), st.sampled_from([1, 2]), st.booleans())
+@settings(deadline=None, max_examples=40)
+def test_no_event_is_lost_to_pruning(seed, people, bound):
+    """A threshold keeps what a lower one finds at or above it, also just at it: a phase of one
+    moment is as probable as its best, so that the score is the bound by which casts are dropped.
+    """
+    rng = np.random.default_rng(seed)
+    world = stage(*(track(n, stay([n, 0], 3), lit=rng.uniform(0.1, 0.9, 15)) for n in range(4)))
+    roles = ("a", "b")[:people]
+    terms = (_term("near", "a", "b"),) if bound and people == 2 else ()
+    activity = Activity(
+        "x",
+        tuple(Role(name, ("person",)) for name in roles),
+        tuple(
+            Phase(f"{role} {n}", (_term("lit", role, negated=n == 1), *terms), 0.0, STEP_S, 9.0)
+            for role in roles
+            for n in range(2)
+        ),
+    )
+
+    def found(least):
+        return {
+            (tuple(e.roles.values()), e.begin_s, e.end_s): e.score
+            for e in find(world, activity, predicates=FAKES, min_score=least)
+        }
+
+    everything = found(0.001)
+    for score in [*everything.values()][:5]:
+        kept = {key for key, s in everything.items() if s >= score}
+        assert kept <= set(found(score * (1 - 1e-12)))

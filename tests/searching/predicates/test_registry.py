@@ -1,7 +1,7 @@
 """All predicates by name: what they promise, whatever the rows."""
 
 import inspect
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from predicate_stages import Path, rows_of, stage_of
 
 from scene4d.core.camera import Camera
+from scene4d.core.tracks import Tracks
 from scene4d.searching.predicates.registry import PREDICATES
 
 NAMES = {
@@ -104,6 +105,43 @@ def test_every_predicate_is_a_probability_or_unknown_of_its_own_row(some, data):
         # Rows do not know of one another: in another order the same values.
         again = predicate.function(*(stage.rows(r[order]) for r in roles), **more)
         np.testing.assert_allclose(again, found[order], atol=1e-12, err_msg=predicate.name)
+
+
+class _WithoutBodies(Tracks):
+    """Tracks of which nobody may ask for keypoints, once they are ``guarded``."""
+
+    guarded = False
+
+    def __getattribute__(self, name):
+        if name.startswith("keypoint") and type(self).guarded:
+            raise AssertionError("looks at keypoints")
+        return super().__getattribute__(name)
+
+
+@pytest.mark.parametrize("name", sorted(NAMES))
+def test_a_predicate_that_looks_at_keypoints_says_so(name, monkeypatch):
+    """A search reads no keypoints unless one is declared to need them: it would be NaN for ever."""
+    n = 6
+    path = Path(
+        np.arange(n) * 0.2,
+        np.ones((n, 2)),
+        np.ones((n, 2)),
+        heading_rad=np.zeros(n),
+        box_xyxy=np.tile([10.0, 10.0, 40.0, 90.0], (n, 1)),
+        keypoint_uv=np.full((n, 26, 2), 20.0),
+    )
+    world = stage_of(path, path, zones={"yard": SQUARE}, lines={"gate": SQUARE})
+    columns = {f.name: getattr(world.tracks, f.name) for f in fields(world.tracks)}
+    world = replace(world, tracks=_WithoutBodies(**columns))
+    monkeypatch.setattr(_WithoutBodies, "guarded", True)
+    predicate = PREDICATES[name]
+    more = {key: GIVEN[p.unit] for key, p in predicate.parameters.items() if p.required}
+    roles = [rows_of(world, 1), rows_of(world, 2)][: predicate.arity]
+    if predicate.keypoints:
+        with pytest.raises(AssertionError, match="looks at keypoints"):
+            predicate.function(*roles, **more)
+    else:
+        predicate.function(*roles, **more)
 
 
 def test_of_no_rows_come_no_values():

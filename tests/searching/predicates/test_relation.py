@@ -184,6 +184,23 @@ def test_a_doubtful_heading_blurs_the_sides():
     assert unsure < 0.85
 
 
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("at", [(0.2, 0.9), (-0.25, 1.0), (0.2, -0.9)])
+def test_left_and_right_are_the_share_of_drawn_headings(at, side):
+    """Of a car whose heading is known to 0.4 rad: beside it, which side it is depends on that."""
+    rng = np.random.default_rng(4)
+    heading = np.pi / 2 + 0.4 * rng.normal(size=100_000)
+    person = np.array(at) + 0.05 * rng.normal(size=(len(heading), 2))
+    person -= 0.05 * rng.normal(size=(len(heading), 2))
+    along = person[:, 0] * np.cos(heading) + person[:, 1] * np.sin(heading)
+    across = person[:, 1] * np.cos(heading) - person[:, 0] * np.sin(heading)
+    beside = np.abs(along) - np.abs(across) < (4.6 - 1.85) / 2
+    share = (beside & ((across > 0) == (side == "left"))).mean()
+    car = one((0.0, 0.0), name="car", heading=np.pi / 2, heading_sigma_rad=0.4)
+    found = value(facing, one(at), car, side=side, sigma_m=0.01)
+    assert found == pytest.approx(share, abs=0.03)
+
+
 def test_another_side_is_refused():
     with pytest.raises(InputError, match="side must be one of front, back, left, right, found 'up"):
         value(facing, one(), one((1.0, 1.0), heading=0.0), side="up")

@@ -272,6 +272,23 @@ def test_who_walks_out_is_told_by_the_side_that_is_still_in_the_picture(end, spe
     assert disappears_into(a, other).max() < 0.2
 
 
+@pytest.mark.parametrize("speed_px", [15.0, 22.0, 30.0])
+def test_a_side_that_the_border_cuts_does_not_tell_how_fast_it_leaves(speed_px):
+    """The left side stays at the border while the right one comes nearer to it: the box moves as
+    the right side does. Were both counted it would move half as fast.
+    """
+    time = np.arange(4.0, 10.0 + STEP_S / 2, STEP_S)
+    right = 60.0 + (time[-1] - time) * speed_px
+    box = np.column_stack([0 * right, 300.0 + 0 * right, right, 400.0 + 0 * right])
+    zero = np.zeros((len(time), 2))
+    car = boxed((0.0, 250.0, 500.0, 450.0), 0.0, 20.0, name="car")
+    stage = stage_of(Path(time, zero, zero, box_xyxy=box), car, CLOCK)
+    a = rows_of(stage, 1)
+    found = disappears_into(a, stage.rows(np.full(len(a), rows_of(stage, 2).index[0])))[-1]
+    leaves = norm.cdf((0.5 * speed_px / np.sqrt(60.0 * 100.0) - 0.15) / 0.05)
+    assert found == pytest.approx((1 - leaves) * norm.cdf(2), abs=0.01)
+
+
 @settings(max_examples=25)
 @given(st.floats(0.0, 200.0), st.floats(0.0, 50.0), st.floats(0.0, 60.0))
 def test_the_faster_outwards_the_less_it_got_in(speed, more, left):

@@ -214,7 +214,7 @@ def _joined(
     order = np.argsort(from_row, kind="stable")
     begin = np.searchsorted(from_row[order], found[known])
     count = np.searchsorted(from_row[order], found[known], side="right") - begin
-    check_count(int(count.sum()))
+    check_count(int(count.sum()), len(found) + 1)
     owner, at = expand(begin, count)
     joined = {view: row[owner] for view, row in found.items()}
     joined[new] = to_row[order[at]]

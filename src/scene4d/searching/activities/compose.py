@@ -29,6 +29,8 @@ STRETCH = 0.04
 """Weight of a second outside the core against the core as a whole."""
 MOST_GAIN = 0.5
 """Largest log odds that a moment outside the core counts; least: those of :data:`FLOOR`."""
+_DECIMALS = 9
+"""Digits of log probabilities that count when alignments are compared."""
 _ROUNDING = 1e-6
 """Durations are multiples of the step: what differs by less, in steps, is the same."""
 
@@ -211,7 +213,7 @@ class _Table:
             before = self._before(number, first) if number else 0.0
             self.core_first.append(first)
             # Rounded, so that equals stay equal whatever was summed before them.
-            self.value.append(np.round(core + before, 9))
+            self.value.append(np.round(core + before, _DECIMALS))
 
     def _before(self, number: int, first: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
         """Best of the phases before, for cores that begin at ``first``."""
@@ -245,7 +247,8 @@ class _Table:
     def best(self, least: float) -> list[tuple[int, int]]:
         """Casts that may reach the score, and where the last core of the best alignment ends."""
         value, first, stop = self.value[-1], self.moments.first, self.moments.stop
-        casts = np.flatnonzero(np.maximum.reduceat(value, first) >= least)
+        rounded = len(self.spans) * 10.0**-_DECIMALS
+        casts = np.flatnonzero(np.maximum.reduceat(value, first) >= least - rounded)
         return [
             (int(cast), int(first[cast] + np.argmax(value[first[cast] : stop[cast]])))
             for cast in casts

@@ -21,8 +21,10 @@ _MOST_SPREAD_M = 10.0
 """A box grows by no more: what stands so vaguely is near nothing in particular."""
 _STANDS_MPS = 0.5
 """What is slower than this stands, as for :func:`motion.moving`."""
-MOST_MOMENTS = 20_000_000
-"""Moments of casts that may be made at once: they take about 2 GB and some minutes."""
+_MOST_ROWS = 40_000_000
+"""Most rows of all casts together, one for each role at each moment: about 1 GB, and 40 s with four
+roles. Of 19 people who all walk, "a walks, then b, then c, then d" has 56 million (measured on a
+made half minute); every further role multiplies them."""
 
 
 def meetings(
@@ -53,7 +55,7 @@ def meetings(
     if len(i) == 0:
         return none, none
     piece_a = _with_neighbours(pieces_a, i, pieces_b.track[j], margin)
-    check_count(int(pieces_a.count[piece_a[0]].sum()))
+    check_count(int(pieces_a.count[piece_a[0]].sum()), 2)
     owner, position = expand(pieces_a.first[piece_a[0]], pieces_a.count[piece_a[0]])
     row_a = a[position]
     track_b = piece_a[1][owner]
@@ -207,13 +209,13 @@ def _same_place(
     return np.concatenate(found_i), np.concatenate(found_j)
 
 
-def check_count(moments: int) -> None:
-    """Raise :class:`InputError` for more moments of pairs or casts than can be judged."""
-    if moments > MOST_MOMENTS:
+def check_count(moments: int, roles: int) -> None:
+    """Raise :class:`InputError` for more moments of casts than can be judged."""
+    if moments * roles > _MOST_ROWS:
         raise InputError(
-            f"{moments:,} moments of possible casts are too many to judge (at most "
-            f"{MOST_MOMENTS:,}): ask for fewer roles, for roles that are near one another, or "
-            "search a shorter piece of footage"
+            f"there are {moments:,} moments at which {roles} roles can be cast, expected at most "
+            f"{_MOST_ROWS // roles:,}: ask for fewer roles, say which of them are near one "
+            "another, or search shorter clips"
         )
 
 
