@@ -54,15 +54,17 @@ class Case:
 
 def seen_people(video: Path, cache: Path) -> tuple[Detections, np.ndarray]:
     """All that the detector finds above 0.1, with keypoints and colours; once, then from cache."""
-    from scene4d.perception.appearance import colour_histograms
     from scene4d.perception.detectors.yolox import YoloxDetector
     from scene4d.perception.keypoints import KeypointEstimator
+    from scene4d.perception.objects import colour_histograms
     from scene4d.perception.people import PeopleDetector
     from scene4d.video.reader import open_source
 
     store = cache / "pets2009-people.npz"
     if not store.is_file():
-        people = PeopleDetector(YoloxDetector(whole_threshold=0.1), KeypointEstimator(), None)
+        detector = YoloxDetector()
+        detector.whole_threshold = 0.1
+        people = PeopleDetector(detector, KeypointEstimator(), None)
         parts, colours = [], []
         with open_source(video) as source:
             for frame in source.frames():

@@ -30,17 +30,20 @@ def _weight(name: str) -> Path:
 
 @pytest.fixture(scope="session")
 def detector() -> YoloxDetector:
-    return YoloxDetector(_weight("yolox-tiny"))
+    _weight("yolox-tiny")
+    return YoloxDetector()
 
 
 @pytest.fixture(scope="session")
 def vehicle_detector() -> Yolov4TinyDetector:
-    return Yolov4TinyDetector(_weight("yolov4-tiny"), _weight("yolov4-tiny-layers"))
+    _weight("yolov4-tiny")
+    return Yolov4TinyDetector()
 
 
 @pytest.fixture(scope="session")
 def estimator() -> KeypointEstimator:
-    return KeypointEstimator(_weight("rtmpose-s"))
+    _weight("rtmpose-s")
+    return KeypointEstimator()
 
 
 @pytest.fixture(scope="session")

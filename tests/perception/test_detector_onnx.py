@@ -9,7 +9,7 @@ from onnx import TensorProto, helper, numpy_helper
 
 from scene4d.core.errors import InputError
 from scene4d.perception.detectors.base import require_bgr
-from scene4d.perception.detectors.onnx_yolox import OnnxYoloxDetector
+from scene4d.perception.detectors.yolox import OnnxYoloxDetector
 
 SIDE = 64
 CELLS = 8 * 8 + 4 * 4 + 2 * 2
@@ -53,7 +53,8 @@ def head(*rows, classes=2):
 
 def detector(path: Path, **options) -> OnnxYoloxDetector:
     """Without tiles, which so small an input would want for every picture."""
-    return OnnxYoloxDetector(path, class_names=NAMES, tiles=False, **options)
+    made = OnnxYoloxDetector(path, class_names=NAMES, **options)
+    return made.expecting(lambda rows: np.full(len(rows), 1000.0))
 
 
 PICTURE = np.zeros((100, 200, 3), np.uint8)
@@ -138,7 +139,9 @@ def test_the_network_sees_blue_first_bytes_in_the_upper_left_of_grey(tmp_path):
     path = network(tmp_path / "net.onnx", outputs, nodes=nodes)
     image = np.zeros((100, 200, 3), np.uint8)
     image[:] = 200, 100, 50
-    found = detector(path, whole_threshold=0.1).detect(image)
+    modest = detector(path)
+    modest.whole_threshold = 0.1
+    found = modest.detect(image)
     score = found.confidence[np.argsort(found.xyxy[:, 0])] * 255
     assert score == pytest.approx([200, 50, 114], abs=1e-3)
 

@@ -8,6 +8,8 @@ from training.panoramas import read_panoramas
 
 from scene4d.core.errors import InputError
 from scene4d.perception.orientation import OrientationNetwork, PoseReader, fused
+from scene4d.perception.orientation import network as network_module
+from scene4d.video.reader import open_source
 
 
 @pytest.fixture(scope="module")
@@ -26,13 +28,18 @@ def cases(shared_data) -> list[Case]:
     return list(held_out(read_panoramas(shared_data / "panoramas", "test"), 77, each=3))
 
 
-def errors_deg(reader, cases):
-    found = np.array([reader.belief(case.picture_bgr).mean() for case in cases])
+@pytest.fixture(scope="module")
+def beliefs(reader, cases):
+    return [reader.belief(case.picture_bgr) for case in cases]
+
+
+def errors_deg(beliefs, cases):
+    found = np.array([belief.mean() for belief in beliefs])
     return np.degrees(np.abs(found - np.array([case.truth_rad for case in cases])))
 
 
-def test_held_out_crops_are_read_as_the_card_says(reader, cases):
-    errors = errors_deg(reader, cases)
+def test_held_out_crops_are_read_as_the_card_says(beliefs, cases):
+    errors = errors_deg(beliefs, cases)
     roll, tilt, vfov = np.median(errors, axis=0)
     # The card has 24 crops a panorama, this test 3: its medians may be a quarter worse.
     assert roll < 1.5 * 1.25 and tilt < 3 * 1.25 and vfov < 7 * 1.25
@@ -42,15 +49,16 @@ def test_held_out_crops_are_read_as_the_card_says(reader, cases):
 
 
 def test_sharpness_does_not_betray_the_field_of_view(network, cases):
-    sharp = np.median(errors_deg(network, cases), axis=0)
-    soft = np.median(errors_deg(network, blurred(cases, 1.5)), axis=0)
+    sharp, soft = (
+        np.median(errors_deg([network.belief(case.picture_bgr) for case in shown], shown), axis=0)
+        for shown in (cases, list(blurred(cases, 1.5)))
+    )
     assert soft[2] < sharp[2] * 1.35 + 0.5
 
 
-def test_intervals_are_honest(reader, cases):
+def test_intervals_are_honest(beliefs, cases):
     inside = []
-    for case in cases:
-        belief = reader.belief(case.picture_bgr)
+    for belief, case in zip(beliefs, cases, strict=True):
         ends = [belief.interval(axis) for axis in range(3)]
         inside.append(
             [low <= t <= high for (low, high), t in zip(ends, case.truth_rad, strict=True)]
@@ -113,10 +121,10 @@ def test_only_the_centred_crop_counts(network, cases):
 @pytest.mark.parametrize(
     ("picture", "what"),
     [
-        (np.zeros((480, 640), np.uint8), "expected a picture"),
-        (np.zeros((480, 640, 3), float), "expected a picture"),
+        (np.zeros((480, 640), np.uint8), "found shape"),
+        (np.zeros((480, 640, 3), float), "found shape"),
         (np.zeros((20, 640, 3), np.uint8), "640x20 pixels is too small"),
-        (np.zeros((0, 640, 3), np.uint8), "640x0 pixels is too small"),
+        (np.zeros((0, 640, 3), np.uint8), "found shape"),
     ],
 )
 def test_what_is_no_picture_is_refused(network, picture, what):
@@ -129,3 +137,22 @@ def test_a_huge_picture_is_read_like_a_small_one(network):
     small = cv2.resize(rng.integers(0, 256, (6, 8, 3)).astype(np.uint8), (192, 144))
     huge = cv2.resize(small, (7680, 5760), interpolation=cv2.INTER_NEAREST)
     np.testing.assert_allclose(network.belief(huge).mean(), network.belief(small).mean(), atol=0.05)
+
+
+@pytest.mark.shared_data
+def test_lines_of_a_still_camera_are_looked_for_in_a_few_frames(network, shared_data, monkeypatch):
+    looked = []
+    read = network_module.line_log_likelihood
+    monkeypatch.setattr(
+        network_module, "line_log_likelihood", lambda image: looked.append(1) or read(image)
+    )
+    with open_source(shared_data / "pets2009" / "vtest.avi") as source:
+        frames = [frame.image_bgr for frame in source.frames(range(0, 792, 66))]
+    told = []
+    for still in (False, True):
+        reader, before = PoseReader(network, still=still), len(looked)
+        told.append(fused([reader.belief(frame) for frame in frames]))
+        assert len(looked) - before == (5 if still else 12)
+    moved = np.abs(told[1].mean() - told[0].mean()) / told[0].sigma()
+    assert moved.max() < 0.2
+    assert told[1].sigma() == pytest.approx(told[0].sigma(), rel=0.1)

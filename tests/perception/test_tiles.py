@@ -26,9 +26,6 @@ def test_the_grid_of_the_brief():
     assert len(choose_tiles((1920, 1080))) == 8
     assert len(choose_tiles((3840, 2160))) == 8
     assert len(choose_tiles((768, 576))) == 0
-    assert len(choose_tiles((768, 576), use=True)) == 2
-    assert len(choose_tiles((1920, 1080), use=False)) == 0
-    assert len(choose_tiles((500, 400), use=True)) == 0
 
 
 def test_only_inner_borders_cut():

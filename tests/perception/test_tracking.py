@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from scene4d.core.errors import InputError
-from scene4d.perception.appearance import colour_histograms
+from scene4d.perception.objects import colour_histograms
 from scene4d.perception.tracking import Tracker, clear_matches
 
 INF = np.inf
@@ -120,14 +120,14 @@ def test_a_frame_never_has_a_track_twice(places, times):
 
 
 def test_only_pairs_without_rivals_are_clear():
-    pairs, doubtful = clear_matches(np.array([[1.0, INF], [INF, 2.0]]), 4.0)
+    pairs, doubtful = clear_matches(np.array([[1.0, INF], [INF, 2.0]]))
     assert pairs == [(0, 0), (1, 1)]
     assert doubtful.tolist() == [False, False]
     # Two tracks claim box 0 about equally; track 2 has box 1 for itself.
-    pairs, doubtful = clear_matches(np.array([[1.0, INF], [3.0, INF], [INF, 2.0]]), 4.0)
+    pairs, doubtful = clear_matches(np.array([[1.0, INF], [3.0, INF], [INF, 2.0]]))
     assert pairs == [(2, 1)]
     assert doubtful.tolist() == [True, True, False]
-    pairs, doubtful = clear_matches(np.full((2, 2), INF), 4.0)
+    pairs, doubtful = clear_matches(np.full((2, 2), INF))
     assert pairs == []
     assert not doubtful.any()
 

@@ -45,8 +45,7 @@ def test_people_of_pets_are_found(detector, pets_frames, pets_truth, iou):
 def test_small_people_need_tiles(detector, pets_frames, pets_truth, iou):
     recall = {}
     for tiles in (True, False):
-        detector_here = detector.expecting(None)
-        detector_here.tiles = tiles
+        detector_here = detector.expecting(None) if tiles else large_only(detector)
         hits = total = 0
         for frame in pets_frames[:60:20]:
             image, true = into_full_hd(frame.image_bgr, pets_truth[frame.index][0])
@@ -73,6 +72,11 @@ def test_people_across_tile_borders_are_found_once_and_whole(
     assert hits >= 0.9 * total
 
 
+def large_only(detector):
+    """The detector where everybody is large enough for the whole frame."""
+    return detector.expecting(lambda rows: np.full(len(rows), 1000.0))
+
+
 def into_full_hd(image, boxes):
     """PETS at two thirds of its size, side by side with itself mirrored, in 1920 x 1080."""
     small = cv2.resize(image, (512, 384), interpolation=cv2.INTER_AREA)
@@ -87,8 +91,7 @@ def into_full_hd(image, boxes):
 def test_known_sizes_switch_tiles_off(detector, pets_frames):
     image = cv2.resize(pets_frames[50].image_bgr, (1536, 1152))
     large = detector.expecting(np.full(1152, 160.0))
-    off = detector.expecting(None)
-    off.tiles = False
+    off = large_only(detector)
     assert np.array_equal(large.detect(image).xyxy, off.detect(image).xyxy)
     assert detector.expected_person_px is None
 
@@ -103,8 +106,7 @@ def test_nobody_in_an_empty_picture_of_any_shape(detector, shape):
 
 def test_boxes_follow_the_picture_when_it_is_doubled(detector, pets_frames):
     image = pets_frames[50].image_bgr
-    off = detector.expecting(None)
-    off.tiles = False
+    off = large_only(detector)
     once = off.detect(image)
     twice = off.detect(cv2.resize(image, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC))
     assert len(once) == len(twice) == 3

@@ -192,7 +192,7 @@ class OrientationReader:
         from scene4d.perception.orientation import PoseReader
         from scene4d.video.undistort import Undistorter
 
-        self._network = PoseReader()
+        self._network = PoseReader(still=True)
         self._straighten = None if lens is None else Undistorter(lens)
         self._lens = lens
         self._size, self._step, self._offered = image_size, step, 0

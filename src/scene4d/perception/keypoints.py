@@ -4,22 +4,21 @@ Source: Jiang et al., "RTMPose: Real-Time Multi-Person Pose Estimation based on 
 coordinates are classified per axis as in Li et al., "SimCC" (ECCV 2022).
 """
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from scene4d.core.body import HALPE26
-from scene4d.perception.session import DEFAULT_THREADS, open_session
+from scene4d.perception.session import open_session
 from scene4d.perception.weights import weight_path
 
 INPUT_SIZE = (192, 256)
 """Width and height of the network's input, pixels."""
 _PADDING = 1.25
-"""The crop is the box, widened to the input's aspect, times this."""
+"""The crop is the box, widened to the input's aspect, times this: as the network was trained."""
 _BINS_PER_PIXEL = 2
 BATCH = 16
+"""People looked at in one go, chosen by hand to bound memory."""
 
 _MEAN_RGB = np.array([123.675, 116.28, 103.53], np.float32)
 _STD_RGB = np.array([58.395, 57.12, 57.375], np.float32)
@@ -60,13 +59,12 @@ def decode_simcc(logits: Float[np.ndarray, "n k b"]) -> tuple[np.ndarray, np.nda
 
 
 class KeypointEstimator:
-    """RTMPose-s through ONNX Runtime; loads the weights when made."""
+    """RTMPose-s through ONNX Runtime; gets the weights if they are missing."""
 
     names: tuple[str, ...] = HALPE26
 
-    def __init__(self, weights: Path | None = None, *, threads: int = DEFAULT_THREADS) -> None:
-        path = weight_path("rtmpose-s") if weights is None else weights
-        self._session = open_session(path, threads)
+    def __init__(self) -> None:
+        self._session = open_session(weight_path("rtmpose-s"))
         self._input = self._session.get_inputs()[0].name
 
     def estimate(

@@ -1,29 +1,68 @@
 """From one frame to a table of people and vehicles: detectors and keypoints put together."""
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import Protocol, runtime_checkable
 
+import cv2
 import numpy as np
 import supervision as sv
-from jaxtyping import Float32
+from jaxtyping import Float, Float32, UInt8
 
 from scene4d.core.people import Detections
+from scene4d.core.progress import timed
 from scene4d.core.tracks import CLASSES, VEHICLES
-from scene4d.perception.appearance import colour_histograms
 from scene4d.perception.detectors.base import Detector
-from scene4d.perception.detectors.tiled import TiledDetector
-from scene4d.perception.detectors.tiles import ExpectedPersonPx
-from scene4d.perception.people import PoseEstimator, TimedImage, persons
+from scene4d.perception.detectors.tiles import ExpectedPersonPx, TiledDetector
 
 _SAME_IOU = 0.5
-"""Boxes of cars, trucks and buses (or of the two kinds of bicycle) that overlap more are one."""
+"""Boxes of cars, trucks and buses (or of the two kinds of bicycle) that overlap more are one: the
+customary threshold."""
 _PART_SHARE = 0.8
-"""A box that lies so far inside a better one of its class is a part of it."""
+"""A box that lies so far inside a better one of its class is a part of it; chosen by hand."""
+
+_BINS = 8
+_PARTS = ((0.15, 0.5), (0.55, 0.9))
+"""Torso and legs, as shares of the box's height."""
+_MIDDLE = (0.25, 0.75)
+"""Share of the box's width where the body is, not the ground."""
+_CLOTHES_AB = (98.0, 158.0)
+"""Clothes use a small part of the range of a* and b* (neutral: 128). These four chosen by hand."""
 
 _WHEELS = {name: 2 if name in ("bicycle", "motorcycle") else 4 for name in VEHICLES}
 _NAME = f"<U{max(map(len, CLASSES))}"
+
+
+@runtime_checkable
+class TimedImage(Protocol):
+    """One decoded frame; ``time_s`` counts from the clip's start and is NaN where unknown."""
+
+    @property
+    def index(self) -> int:
+        """Number of the frame in the footage, from 0."""
+        ...
+
+    @property
+    def time_s(self) -> float:
+        """Seconds from the clip's start, NaN where unknown."""
+        ...
+
+    @property
+    def image_bgr(self) -> UInt8[np.ndarray, "h w 3"]:
+        """The picture, blue first."""
+        ...
+
+
+@runtime_checkable
+class PoseEstimator(Protocol):
+    """Finds body points of people whose boxes are known."""
+
+    names: tuple[str, ...]
+
+    def estimate(
+        self, image_bgr: UInt8[np.ndarray, "h w 3"], box_xyxy: Float[np.ndarray, "n 4"]
+    ) -> tuple[Float[np.ndarray, "n k 2"], Float[np.ndarray, "n k"]]:
+        """Points (n, k, 2) in pixels and scores (n, k) in [0, 1]."""
+        ...
 
 
 @dataclass
@@ -40,16 +79,13 @@ class ObjectDetector:
     timings: dict[str, float] = field(default_factory=dict)
 
     @classmethod
-    def default(cls, *, threads: int | None = None, vehicles: bool = True) -> "ObjectDetector":
+    def default(cls) -> "ObjectDetector":
         """YOLOX-tiny, RTMPose-s and YOLOv4-tiny; gets the weights if they are missing."""
         from scene4d.perception.detectors.yolov4 import Yolov4TinyDetector
         from scene4d.perception.detectors.yolox import YoloxDetector
         from scene4d.perception.keypoints import KeypointEstimator
-        from scene4d.perception.session import DEFAULT_THREADS
 
-        n = DEFAULT_THREADS if threads is None else threads
-        second = Yolov4TinyDetector(threads=n) if vehicles else None
-        return cls(YoloxDetector(threads=n), KeypointEstimator(threads=n), second)
+        return cls(YoloxDetector(), KeypointEstimator(), Yolov4TinyDetector())
 
     def expecting(self, expected_person_px: ExpectedPersonPx | None) -> "ObjectDetector":
         """The same for a scene where the size of people is known; see TiledDetector."""
@@ -70,27 +106,26 @@ class ObjectDetector:
         is a person, beside the bicycle's own row. Keypoints of vehicles are NaN with score 0.
         """
         image = frame.image_bgr
-        with self._timed("detect people"):
-            first = self.people.detect(image)
-        second = first
+        with timed(self.timings, "detect people"):
+            found = self.people.detect(image)
+        person_box, person_score = _boxes(_persons(found))
         if self.vehicles is not None:
-            with self._timed("detect vehicles"):
-                second = self.vehicles.detect(image)
-        person_box, person_score = _boxes(persons(first))
-        vehicle = one_per_vehicle(second)
-        vehicle_box, vehicle_score = _boxes(vehicle)
+            with timed(self.timings, "detect vehicles"):
+                found = self.vehicles.detect(image)
+        vehicles = one_per_vehicle(found)
+        vehicle_box, vehicle_score = _boxes(vehicles)
         n, m = len(person_box), len(vehicle_box)
         names: tuple[str, ...] = ()
         uv, uv_score = np.empty((n, 0, 2)), np.empty((n, 0))
         if self.keypoints is not None:
             names = self.keypoints.names
-            with self._timed("keypoints"):
+            with timed(self.timings, "keypoints"):
                 uv, uv_score = self.keypoints.estimate(image, person_box)
         box = np.concatenate([person_box, vehicle_box])
-        with self._timed("appearance"):
+        with timed(self.timings, "appearance"):
             colours = colour_histograms(image, box).astype(np.float32)
-        kinds = [*["person"] * n, *vehicle.data.get("class_name", [])]
-        found = Detections.from_boxes(
+        kinds = [*["person"] * n, *vehicles.data.get("class_name", [])]
+        table = Detections.from_boxes(
             (image.shape[1], image.shape[0]),
             np.full(n + m, frame.index),
             box,
@@ -101,13 +136,17 @@ class ObjectDetector:
             keypoint_score=np.concatenate([uv_score, np.zeros((m, len(names)))]),
             keypoint_names=names,
         )
-        return found, colours
+        return table, colours
 
-    @contextmanager
-    def _timed(self, stage: str) -> Iterator[None]:
-        start = time.perf_counter()
-        yield
-        self.timings[stage] = self.timings.get(stage, 0.0) + time.perf_counter() - start
+
+def _persons(found: sv.Detections) -> sv.Detections:
+    """The persons among detections; all of them where the detector names no classes."""
+    names = found.data.get("class_name")
+    if names is None or not len(found):
+        return found
+    chosen = found[np.asarray(names) == "person"]
+    assert isinstance(chosen, sv.Detections)  # a mask never gives a single field
+    return chosen
 
 
 def one_per_vehicle(found: sv.Detections) -> sv.Detections:
@@ -138,3 +177,42 @@ def _boxes(found: sv.Detections) -> tuple[np.ndarray, np.ndarray]:
     box = np.asarray(found.xyxy, float).reshape(-1, 4)
     score = np.ones(len(box)) if found.confidence is None else np.asarray(found.confidence, float)
     return box, score
+
+
+def colour_histograms(
+    image_bgr: UInt8[np.ndarray, "h w 3"], box_xyxy: Float[np.ndarray, "n 4"]
+) -> Float[np.ndarray, "n 48"]:
+    """Histograms of L*, a*, b* over torso and legs of every box; each row sums to 1.
+
+    A part that lies outside the image has a flat histogram.
+    """
+    out = np.empty((len(box_xyxy), len(_PARTS) * 3 * _BINS))
+    for row, box in zip(out, box_xyxy, strict=True):
+        row[:] = np.concatenate([_histogram(_patch(image_bgr, box, part)) for part in _PARTS])
+    return out / len(_PARTS)
+
+
+def _patch(image_bgr: np.ndarray, box: np.ndarray, part: tuple[float, float]) -> np.ndarray:
+    height, width = image_bgr.shape[:2]
+    x = box[0] + np.array(_MIDDLE) * (box[2] - box[0])
+    y = box[1] + np.array(part) * (box[3] - box[1])
+    x1, x2 = np.clip(np.round(x), 0, width).astype(int)
+    y1, y2 = np.clip(np.round(y), 0, height).astype(int)
+    return image_bgr[y1:y2, x1:x2]
+
+
+def _histogram(patch: np.ndarray) -> np.ndarray:
+    if not patch.size:
+        return np.full(3 * _BINS, 1 / (3 * _BINS))
+    lab = cv2.cvtColor(patch, cv2.COLOR_BGR2LAB).reshape(-1, 3).astype(float)
+    low, high = _CLOTHES_AB
+    share = np.column_stack([lab[:, 0] / 256, (lab[:, 1:] - low) / (high - low)])
+    # Every pixel is shared between the two nearest bins, so that a small change of light
+    # changes the histogram a little.
+    position = np.clip(share * _BINS - 0.5, 0, _BINS - 1)
+    lower = np.minimum(position.astype(int), _BINS - 2)
+    upper_weight = position - lower
+    channel = np.broadcast_to(np.arange(3) * _BINS, lower.shape)
+    counts = np.bincount((channel + lower).ravel(), (1 - upper_weight).ravel(), 3 * _BINS)
+    counts += np.bincount((channel + lower + 1).ravel(), upper_weight.ravel(), 3 * _BINS)
+    return counts / counts.sum()

@@ -8,22 +8,23 @@ os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 import onnxruntime as ort
 
-ort.disable_telemetry_events()  # the variable is not read by every build (Windows)
+ort.disable_telemetry_events()  # not every build reads the variable
 
-DEFAULT_THREADS = 2
-
+THREADS = 2
+"""Threads of a network, chosen by hand: the decoder and other networks need the cores too."""
 _ERRORS_ONLY = 3
 
 
-def open_session(path: Path, threads: int = DEFAULT_THREADS) -> ort.InferenceSession:
-    """An inference session on the processor that uses at most ``threads`` threads.
+def open_session(network: Path | bytes) -> ort.InferenceSession:
+    """An inference session on the processor, of a file or of its content.
 
     Waiting threads sleep instead of spinning, because detector, keypoint network and decoder take
     turns on the same cores.
     """
     options = ort.SessionOptions()
-    options.intra_op_num_threads = threads
+    options.intra_op_num_threads = THREADS
     options.inter_op_num_threads = 1
     options.log_severity_level = _ERRORS_ONLY
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    return ort.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    source = network if isinstance(network, bytes) else str(network)
+    return ort.InferenceSession(source, options, providers=["CPUExecutionProvider"])

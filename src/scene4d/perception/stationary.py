@@ -11,39 +11,40 @@ from scipy.spatial import cKDTree
 
 from scene4d.core.people import Detections
 
+# Chosen by hand on the tuning cameras (TownCentre has mannequins, PETS has none).
 _MIN_DURATION_S = 45.0
 """People who talk stand in one place for half a minute."""
 _MIN_FRAMES = 10
+"""Fewer frames with detections are too few to speak of a share of them."""
 _CLIP_SHARE = 0.6
 """Share of the clip from the first to the last sighting."""
 _SEEN_SHARE = 0.5
 """Share of the frames between them with a sighting: separates one that stays from many who pass
 the same spot."""
 _MIN_IOU = 0.7
+"""Boxes that overlap by so much are at the same place."""
 _STILL = 0.025
 """Typical (median) shift of a sighting against the middle one, in heights. Someone who stands
 shifts their weight and turns by more; a detector's jitter on a still figure is about 0.01."""
 
 
-def stationary(
-    detections: Detections, *, min_duration_s: float = _MIN_DURATION_S
-) -> Bool[np.ndarray, "n"]:
+def stationary(detections: Detections) -> Bool[np.ndarray, "n"]:
     """Which detections (n,) show something that stays in place through most of the clip.
 
-    Of a clip shorter than ``min_duration_s``, or of fewer than 10 frames with detections, or
-    without times, nothing can be said: all False.
+    Of a clip shorter than 45 s, or of fewer than 10 frames with detections, or without times,
+    nothing can be said: all False.
     """
     nothing = np.zeros(len(detections), bool)
     time, frame = detections.time_s, detections.frame
     if not len(time) or not np.isfinite(time).all() or len(np.unique(frame)) < _MIN_FRAMES:
         return nothing
     duration = float(time.max() - time.min())
-    if duration < min_duration_s:
+    if duration < _MIN_DURATION_S:
         return nothing
-    needed_s = max(min_duration_s, _CLIP_SHARE * duration)
+    needed_s = max(_MIN_DURATION_S, _CLIP_SHARE * duration)
     frames = np.unique(frame)
     out = nothing
-    for members in same_place(detections.box_xyxy):
+    for members in _same_place(detections.box_xyxy):
         if time[members].max() - time[members].min() < needed_s:
             continue
         seen = np.unique(frame[members])
@@ -53,7 +54,7 @@ def stationary(
     return out
 
 
-def same_place(box_xyxy: Float[np.ndarray, "n 4"]) -> list[np.ndarray]:
+def _same_place(box_xyxy: Float[np.ndarray, "n 4"]) -> list[np.ndarray]:
     """For every box, the rows of those that overlap it by an IoU of at least 0.7, and itself."""
     # An IoU of s leaves no edge further off than (1 - s) / s of a box's longer side.
     side = np.maximum(box_xyxy[:, 2] - box_xyxy[:, 0], box_xyxy[:, 3] - box_xyxy[:, 1])

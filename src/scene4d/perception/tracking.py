@@ -15,38 +15,34 @@ from scipy.optimize import linear_sum_assignment
 
 from scene4d.core.errors import InputError
 
-
-@dataclass(frozen=True)
-class TrackerSettings:
-    """Lengths are in heights of the person's box, so that near and far people are alike.
-
-    Costs are -2 log likelihood, up to a constant. Chosen on PETS S2L1 at frames 0.1 to 1.6 s
-    apart, for purity.
-    """
-
-    speed_sigma: tuple[float, float] = (0.6, 0.4)
-    """How fast people move along the image's x and y, heights per second."""
-    keep_s: float = 5.0
-    """How long they keep a velocity, seconds."""
-    foot_sigma: float = 0.07
-    """Jitter of a box's foot."""
-    size_sigma: float = 0.06
-    """Jitter of the logarithm of a box's height."""
-    size_drift: float = 0.08
-    """Its change per second, for people who come nearer or go."""
-    colour_sigma: float = 0.15
-    """Hellinger distance between colours of one person."""
-    colour_limit: float = 0.4
-    """Larger distances are another person."""
-    gate: float = 4.0
-    """Largest distance of foot or size, standard deviations."""
-    cost_limit: float = 14.0
-    """Costlier matches are a coincidence."""
-    margin: float = 4.0
-    """How much cheaper a match must be than any other that it excludes."""
-    memory_s: float = 2.0
-    memory_frames: int = 2
-    """A track unseen for longer than both ends."""
+# Lengths are in heights of the person's box, so that near and far people are alike; costs are -2
+# log likelihood, up to a constant. Chosen by hand, for purity, on PETS S2L1 at frames 0.1 to 1.6 s
+# apart (tests/perception/test_tracking.py holds what they reach there).
+_SPEED_SIGMA = np.array([0.6, 0.4])
+"""How fast people move along the image's x and y, heights per second."""
+_KEEP_S = 5.0
+"""How long they keep a velocity, seconds."""
+_FOOT_SIGMA = 0.07
+"""Jitter of a box's foot."""
+_SIZE_SIGMA = 0.06
+"""Jitter of the logarithm of a box's height."""
+_SIZE_DRIFT = 0.08
+"""Its change per second, for people who come nearer or go."""
+_COLOUR_SIGMA = 0.15
+"""Hellinger distance between colours of one person."""
+_COLOUR_LIMIT = 0.4
+"""Larger distances are another person."""
+_NEW_SHARE = 0.3
+"""Share of a new sighting in a track's colours."""
+_GATE = 4.0
+"""Largest distance of foot or size, standard deviations."""
+_COST_LIMIT = 14.0
+"""Costlier matches are a coincidence."""
+_MARGIN = 4.0
+"""How much cheaper a match must be than any other that it excludes."""
+_MEMORY_S = 2.0
+_MEMORY_FRAMES = 2
+"""A track unseen for longer than both ends."""
 
 
 @dataclass
@@ -72,8 +68,7 @@ class _Sighting:
 class Tracker:
     """Gives the boxes of successive frames a track number, counted from 0; streaming."""
 
-    def __init__(self, settings: TrackerSettings | None = None) -> None:
-        self.settings = TrackerSettings() if settings is None else settings
+    def __init__(self) -> None:
         self._tracks: list[_Track] = []
         self._next = 0
         self._updates = 0
@@ -106,21 +101,20 @@ class Tracker:
         return self._associate(seen, time_s)
 
     def _associate(self, seen: _Sighting, time_s: float) -> np.ndarray:
-        s = self.settings
         self._tracks = [
             t
             for t in self._tracks
-            if time_s - t.time_s <= s.memory_s or self._updates - t.update <= s.memory_frames
+            if time_s - t.time_s <= _MEMORY_S or self._updates - t.update <= _MEMORY_FRAMES
         ]
-        predicted = [_predict(t, time_s, s) for t in self._tracks]
+        predicted = [_predict(t, time_s) for t in self._tracks]
         cost = np.empty((len(self._tracks), len(seen.foot)))
         for row, t, (state, covariance) in zip(cost, self._tracks, predicted, strict=True):
-            row[:] = _costs(t, state, covariance, seen, time_s - t.time_s, s)
-        pairs, doubtful = clear_matches(cost, s.margin)
+            row[:] = _costs(t, state, covariance, seen, time_s - t.time_s)
+        pairs, doubtful = clear_matches(cost)
         label = np.full(len(seen.foot), -1)
         for i, j in pairs:
             track = self._tracks[i]
-            _correct(track, *predicted[i], seen, j, s)
+            _correct(track, *predicted[i], seen, j)
             track.time_s, track.update = time_s, self._updates
             label[j] = track.label
         self._tracks = [t for t, ends in zip(self._tracks, doubtful, strict=True) if not ends]
@@ -129,11 +123,10 @@ class Tracker:
         return label
 
     def _start(self, seen: _Sighting, j: int, time_s: float) -> int:
-        s = self.settings
         track = _Track(
             label=self._next,
             state=np.column_stack([seen.foot[j], np.zeros(2)]),
-            covariance=np.array([np.diag([s.foot_sigma**2, v**2]) for v in s.speed_sigma]),
+            covariance=np.array([np.diag([_FOOT_SIGMA**2, v**2]) for v in _SPEED_SIGMA]),
             height=float(seen.height[j]),
             time_s=time_s,
             update=self._updates,
@@ -144,13 +137,13 @@ class Tracker:
         return track.label
 
 
-def _predict(t: _Track, time_s: float, s: TrackerSettings) -> tuple[np.ndarray, np.ndarray]:
+def _predict(t: _Track, time_s: float) -> tuple[np.ndarray, np.ndarray]:
     """State and covariance now: velocity is an Ornstein-Uhlenbeck process.
 
-    It is kept over times well below ``keep_s`` and forgotten beyond, while its variance stays
-    ``speed_sigma``²; so a prediction is as uncertain as it should be at any interval.
+    It is kept over times well below ``_KEEP_S`` and forgotten beyond, while its variance stays
+    ``_SPEED_SIGMA``²; so a prediction is as uncertain as it should be at any interval.
     """
-    dt, k = time_s - t.time_s, s.keep_s
+    dt, k = time_s - t.time_s, _KEEP_S
     decay = np.exp(-dt / k)
     step = np.array([[1.0, k * (1 - decay)], [0.0, decay]])
     corner = k * (1 - decay) ** 2
@@ -161,7 +154,7 @@ def _predict(t: _Track, time_s: float, s: TrackerSettings) -> tuple[np.ndarray, 
             [corner, 1 - decay**2],
         ]
     )
-    speed = np.array(s.speed_sigma)[:, None, None]
+    speed = _SPEED_SIGMA[:, None, None]
     return t.state @ step.T, step @ t.covariance @ step.T + speed**2 * noise
 
 
@@ -171,19 +164,18 @@ def _costs(
     covariance: np.ndarray,
     seen: _Sighting,
     dt: float,
-    s: TrackerSettings,
 ) -> np.ndarray:
     """Cost (n,) of every box as the track's next; infinite where it cannot be."""
-    variance = covariance[:, 0, 0] + s.foot_sigma**2
+    variance = covariance[:, 0, 0] + _FOOT_SIGMA**2
     away = (((seen.foot - state[:, 0]) / t.height) ** 2 / variance).sum(axis=1)
-    size = np.log(seen.height / t.height) ** 2 / (s.size_sigma**2 + (s.size_drift * dt) ** 2)
-    cost = away + size + np.log(variance.prod() / s.foot_sigma**4)
-    impossible = (away > s.gate**2) | (size > s.gate**2)
+    size = np.log(seen.height / t.height) ** 2 / (_SIZE_SIGMA**2 + (_SIZE_DRIFT * dt) ** 2)
+    cost = away + size + np.log(variance.prod() / _FOOT_SIGMA**4)
+    impossible = (away > _GATE**2) | (size > _GATE**2)
     if seen.appearance is not None and t.appearance is not None:
         colour = _hellinger(seen.appearance, t.appearance)
-        cost = cost + (colour / s.colour_sigma) ** 2
-        impossible |= colour > s.colour_limit
-    cost[impossible | (cost > s.cost_limit)] = np.inf
+        cost = cost + (colour / _COLOUR_SIGMA) ** 2
+        impossible |= colour > _COLOUR_LIMIT
+    cost[impossible | (cost > _COST_LIMIT)] = np.inf
     return cost
 
 
@@ -193,23 +185,24 @@ def _correct(
     covariance: np.ndarray,
     seen: _Sighting,
     j: int,
-    s: TrackerSettings,
 ) -> None:
-    gain = covariance[:, :, 0] / (covariance[:, 0, 0] + s.foot_sigma**2)[:, None]
+    gain = covariance[:, :, 0] / (covariance[:, 0, 0] + _FOOT_SIGMA**2)[:, None]
     t.state = state + gain * (seen.foot[j] - state[:, 0])[:, None]
     t.covariance = covariance - gain[:, :, None] * covariance[:, None, 0, :]
     t.height = float(seen.height[j])
     if seen.appearance is not None:
         now = seen.appearance[j]
-        t.appearance = now if t.appearance is None else 0.7 * t.appearance + 0.3 * now
+        t.appearance = (
+            now if t.appearance is None else (1 - _NEW_SHARE) * t.appearance + _NEW_SHARE * now
+        )
 
 
 def clear_matches(
-    cost: Float[np.ndarray, "t n"], margin: float
+    cost: Float[np.ndarray, "t n"],
 ) -> tuple[list[tuple[int, int]], Bool[np.ndarray, "t"]]:
     """Pairs (track, box) of the cheapest assignment that stand alone, and the doubtful tracks.
 
-    A pair stands alone if every other pair of the same track or box costs ``margin`` more. Where
+    A pair stands alone if every other pair of the same track or box costs ``_MARGIN`` more. Where
     one does not, it is left out and all tracks that could claim its box are doubtful.
     """
     pairs: list[tuple[int, int]] = []
@@ -219,8 +212,8 @@ def clear_matches(
     for i, j in zip(*linear_sum_assignment(possible), strict=True):
         if not np.isfinite(cost[i, j]):
             continue
-        rival_tracks = cost[:, j] < cost[i, j] + margin
-        rival_boxes = cost[i] < cost[i, j] + margin
+        rival_tracks = cost[:, j] < cost[i, j] + _MARGIN
+        rival_boxes = cost[i] < cost[i, j] + _MARGIN
         if rival_tracks.sum() + rival_boxes.sum() == 2:  # only the pair itself, counted twice
             pairs.append((int(i), int(j)))
         else:

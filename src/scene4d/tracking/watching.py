@@ -132,7 +132,7 @@ def _detectors(job: Job) -> "ObjectDetector":
         found = ObjectDetector.default()
     else:
         from scene4d.perception.detectors import make_detector
-        from scene4d.perception.detectors.onnx_yolox import OnnxYoloxDetector
+        from scene4d.perception.detectors.yolox import OnnxYoloxDetector
         from scene4d.perception.keypoints import KeypointEstimator
 
         onnx = _is_onnx(chosen)

@@ -1,12 +1,17 @@
-"""Where a detector of small input should look twice: tiles of the picture."""
+"""Detectors of small input look twice: at the whole picture, and at tiles where it shows little."""
 
+import copy
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+import supervision as sv
+from jaxtyping import Bool, Float, Int, UInt8
 
 from scene4d.core.errors import InputError
+from scene4d.perception.detectors.base import require_bgr
 
 ExpectedPersonPx = Callable[[np.ndarray], np.ndarray] | Float[np.ndarray, "h"]
 """Height in pixels of a person whose feet are at an image row: a function of rows, or one per row.
@@ -17,18 +22,25 @@ NaN (or a value not above 0) where nobody can stand, such as above the horizon.
 INPUT_PX = 416
 """Side of YOLOX-tiny's square input."""
 _TILE_PX = 640
+"""Side of a tile for that input, chosen by hand: eight tiles cover full HD."""
 _OVERLAP_SHARE = 0.2
+"""Share of a tile's side that neighbours have in common: chosen by hand."""
 _REFERENCE_PX = 1920
 """Images longer than this get tiles larger in proportion, so their number stays at most 4 x 4."""
 _SMALL_PX = 20.0
 """Height in the network's input from which recall is whole: PETS frames shrunk step by step gave
 0.95-0.97 from 20 px on, 0.84 at 18 px, 0.66 at 14 px and 0.35 at 10 px."""
 _HOPELESS_PX = 10.0
+"""Height below which a tile does not help either: recall 0.35 in the same series."""
 _MIN_GAIN = 1.3
-"""Tiles that would show people less than this much larger than the whole frame are not worth it."""
-
+"""Tiles that would show people less than this much larger than the whole frame are not worth it:
+chosen by hand."""
 _CUT_PX = 3.0
 _CUT_SHARE = 0.03
+"""A box ends at a border if it comes so near (pixels, and share of its longer side): chosen by
+hand above the jitter of YOLOX-tiny's boxes."""
+_NMS_IOU = 0.5
+"""Boxes that overlap more are one object, seen twice: the customary threshold."""
 
 
 @dataclass(frozen=True)
@@ -83,20 +95,17 @@ def cut_by_tile(
 def choose_tiles(
     image_size: tuple[int, int],
     expected_person_px: ExpectedPersonPx | None = None,
-    *,
-    use: bool | None = None,
     sight: Sight = _YOLOX_TINY,
 ) -> Int[np.ndarray, "n 4"]:
     """Tiles to look at besides the whole frame of (width, height); none where it shows enough.
 
-    ``use`` None decides by the image's size and the network's ``sight``. With
-    ``expected_person_px``, only those tiles are left in which a whole person too small for the
-    whole frame fits, and their side follows the smallest such person. Raises :class:`InputError`
-    where it has not one value per row.
+    With ``expected_person_px``, only those tiles are left in which a whole person too small for
+    the whole frame fits, and their side follows the smallest such person. Raises
+    :class:`InputError` where it has not one value per row.
     """
     none = np.empty((0, 4), np.int64)
     longest = max(image_size)
-    if not (longest >= _MIN_GAIN * sight.tile_px if use is None else use):
+    if longest < _MIN_GAIN * sight.tile_px:
         return none
     tile_px = round(sight.tile_px * max(1.0, longest / _REFERENCE_PX))
     if longest <= tile_px:
@@ -126,3 +135,79 @@ def _expected_heights(expected: ExpectedPersonPx, rows: int) -> np.ndarray:
             f"({rows},)"
         )
     return height
+
+
+class Boxes(NamedTuple):
+    """What a network says of one picture: boxes (n, 4), scores (n,) and class numbers (n,)."""
+
+    xyxy: np.ndarray
+    score: np.ndarray
+    label: np.ndarray
+
+    def select(self, rows: np.ndarray) -> "Boxes":
+        """The given rows, as a mask or as indices."""
+        return Boxes(self.xyxy[rows], self.score[rows], self.label[rows])
+
+    def clipped(self, width: int, height: int) -> "Boxes":
+        """Boxes cut at the borders of the picture; those with nothing inside are left out."""
+        xyxy = self.xyxy.copy()
+        xyxy[:, 0::2] = xyxy[:, 0::2].clip(-0.5, width - 0.5)
+        xyxy[:, 1::2] = xyxy[:, 1::2].clip(-0.5, height - 0.5)
+        some = (xyxy[:, 2] > xyxy[:, 0]) & (xyxy[:, 3] > xyxy[:, 1])
+        return Boxes(xyxy, self.score, self.label).select(some)
+
+
+class TiledDetector(ABC):
+    """Looks at the whole frame and, where it shows things too small, at tiles of it.
+
+    Boxes are pixels of the image given, pixel centres at integers. Tiles are used where they show
+    things clearly larger than the whole frame does; ``expected_person_px`` restricts them to where
+    people (and vehicles, which are about as high) would be too small in the whole frame.
+    Thresholds are scores in [0, 1].
+    """
+
+    expected_person_px: ExpectedPersonPx | None = None
+
+    def __init__(
+        self,
+        *,
+        class_names: tuple[str, ...],
+        sight: Sight,
+        whole_threshold: float,
+        tile_threshold: float,
+    ) -> None:
+        self.class_names = class_names
+        self.sight = sight
+        self.whole_threshold = whole_threshold
+        self.tile_threshold = tile_threshold
+
+    @abstractmethod
+    def infer(self, image_bgr: np.ndarray, threshold: float) -> Boxes:
+        """What the network says of one picture: boxes end at its borders, duplicates are left."""
+
+    def detect(self, image_bgr: UInt8[np.ndarray, "h w 3"]) -> sv.Detections:
+        """Objects of one image, best first, with ``data["class_name"]``; one box per object."""
+        require_bgr(image_bgr)
+        parts = [self.infer(image_bgr, self.whole_threshold)]
+        size = (image_bgr.shape[1], image_bgr.shape[0])
+        wanted = choose_tiles(size, self.expected_person_px, self.sight)
+        for tile in wanted:
+            x1, y1, x2, y2 = tile
+            part = self.infer(image_bgr[y1:y2, x1:x2], self.tile_threshold)
+            part = part._replace(xyxy=part.xyxy + np.array([x1, y1, x1, y1]))
+            parts.append(part.select(~cut_by_tile(part.xyxy, tile, size)))
+        found = Boxes(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        found = found.select(np.argsort(-found.score))
+        names = np.array(self.class_names)[found.label]
+        return sv.Detections(
+            xyxy=found.xyxy,
+            confidence=found.score,
+            class_id=found.label,
+            data={"class_name": names},
+        ).with_nms(_NMS_IOU)
+
+    def expecting(self, expected_person_px: ExpectedPersonPx | None) -> "TiledDetector":
+        """The same detector for a scene where the size of people is known; shares the network."""
+        other = copy.copy(self)
+        other.expected_person_px = expected_person_px
+        return other

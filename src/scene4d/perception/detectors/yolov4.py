@@ -7,29 +7,29 @@ and "Scaled-YOLOv4" (CVPR 2021), by the same authors; weights of the Darknet pro
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import cv2
 import numpy as np
 
-from scene4d.core.errors import InputError
 from scene4d.core.tracks import CLASSES
-from scene4d.perception.detectors.coco import COCO80
-from scene4d.perception.detectors.tiled import Boxes, TiledDetector
-from scene4d.perception.detectors.tiles import ExpectedPersonPx, Sight
-from scene4d.perception.session import DEFAULT_THREADS
+from scene4d.perception.detectors.base import COCO80
+from scene4d.perception.detectors.tiles import Boxes, Sight, TiledDetector
+from scene4d.perception.session import THREADS
 from scene4d.perception.weights import weight_path
 
 _INPUT_PX = 608
+"""Side of the square input, a multiple of 32: one of those that YOLOv4 is published for."""
 _WHOLE_THRESHOLD = 0.3
 _TILE_THRESHOLD = 0.4
-
-# 37 vehicles of two MEVA frames, drawn by hand and shrunk step by step: recall 0.9 from 20 px on
-# (measured along the longer side's scale), 0.6 at 13 px, 0.3 at 10 px.
+"""Scores from which a box is believed, in the whole frame and in a tile; below 0.2 there are none.
+Chosen by hand on the tuning cameras."""
+_TILE_PX = 960
+"""Side of a tile for that input. Chosen by hand."""
 _SMALL_PX = 20.0
 _HOPELESS_PX = 12.0
-_TILE_SHARE = 960 / 608
-_CELL_PX = 32
+"""Heights in the input from which recall is whole, and below which nothing helps: the 37
+vehicles of tests/perception/meva_vehicles.csv, shrunk step by step, gave 0.9 from 20 px on (along
+the longer side's scale), 0.6 at 13 px and 0.3 at 10 px."""
 _FIXED = 5  # columns before the classes: box and objectness
 _KEPT = np.array([k for k, name in enumerate(COCO80) if name in CLASSES])
 
@@ -37,54 +37,28 @@ _KEPT = np.array([k for k, name in enumerate(COCO80) if name in CLASSES])
 class Yolov4TinyDetector(TiledDetector):
     """Finds persons, bicycles, motorcycles, cars, trucks and buses; ``class_id`` counts as COCO.
 
-    The picture is stretched to a square of ``input_px`` (a multiple of 32): that shows vehicles
-    higher than keeping its aspect would, and found more of them. Classes compete: a thing that
-    looks more like something else than like these six is left out. Other arguments as in
-    :class:`~scene4d.perception.detectors.tiled.TiledDetector`; ``weights`` and ``layers`` (the
-    Darknet cfg) None are those of the weight store. Scores below 0.2 do not exist.
+    The picture is stretched to a square: that shows vehicles higher than keeping its aspect would,
+    and found more of them. Classes compete: a thing that looks more like something else than like
+    these six is left out. Gets the weights if they are missing.
     """
 
-    def __init__(
-        self,
-        weights: Path | None = None,
-        layers: Path | None = None,
-        *,
-        threads: int = DEFAULT_THREADS,
-        input_px: int = _INPUT_PX,
-        whole_threshold: float = _WHOLE_THRESHOLD,
-        tile_threshold: float = _TILE_THRESHOLD,
-        tiles: bool | None = None,
-        expected_person_px: ExpectedPersonPx | None = None,
-    ) -> None:
-        if input_px < _CELL_PX or input_px % _CELL_PX:
-            raise InputError(f"input_px: found {input_px}, expected a multiple of {_CELL_PX}")
+    def __init__(self) -> None:
         super().__init__(
             class_names=COCO80,
-            sight=Sight(input_px, round(_TILE_SHARE * input_px), _SMALL_PX, _HOPELESS_PX),
-            whole_threshold=whole_threshold,
-            tile_threshold=tile_threshold,
-            tiles=tiles,
-            expected_person_px=expected_person_px,
+            sight=Sight(_INPUT_PX, _TILE_PX, _SMALL_PX, _HOPELESS_PX),
+            whole_threshold=_WHOLE_THRESHOLD,
+            tile_threshold=_TILE_THRESHOLD,
         )
-        weights = weight_path("yolov4-tiny") if weights is None else weights
-        layers = weight_path("yolov4-tiny-layers") if layers is None else layers
-        self._threads = threads
-        self._lock = threading.Lock()  # the network keeps its input between two calls
-        try:
-            self._net = cv2.dnn.readNetFromDarknet(str(layers), str(weights))
-        except cv2.error as error:
-            raise InputError(
-                f"{layers}, {weights}: not a Darknet network that OpenCV can read: "
-                f"{error.err or error}"
-            ) from error
+        layers, weights = weight_path("yolov4-tiny-layers"), weight_path("yolov4-tiny")
+        self._net = cv2.dnn.readNetFromDarknet(str(layers), str(weights))
         self._outputs = self._net.getUnconnectedOutLayersNames()
+        self._lock = threading.Lock()  # the network keeps its input between two calls
 
     def infer(self, image_bgr: np.ndarray, threshold: float) -> Boxes:
         """What the network says of one picture; see :meth:`TiledDetector.infer`."""
-        side = self.sight.input_px
-        square = cv2.resize(image_bgr, (side, side), interpolation=cv2.INTER_LINEAR)
+        square = cv2.resize(image_bgr, (_INPUT_PX, _INPUT_PX), interpolation=cv2.INTER_LINEAR)
         blob = cv2.dnn.blobFromImage(square, 1 / 255, swapRB=True)
-        with self._lock, _opencv_threads(self._threads):
+        with self._lock, _opencv_threads(THREADS):
             self._net.setInput(blob)
             rows = np.concatenate(self._net.forward(self._outputs)).astype(float)
         # OpenCV has multiplied the classes by the objectness.

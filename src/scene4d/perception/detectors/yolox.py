@@ -1,44 +1,195 @@
-"""YOLOX-tiny person detector through ONNX Runtime, with tiles where people are small.
+"""Networks with the YOLOX layout through ONNX Runtime: YOLOX-tiny for persons, or one of yours.
 
-Source: Ge et al., "YOLOX: Exceeding YOLO Series in 2021"; weights of the RTMPose project, trained
-on persons of COCO and Human-Art.
+Source: Ge et al., "YOLOX: Exceeding YOLO Series in 2021". Two exports of it are in use: that of
+OpenMMLab, with the suppression of duplicates inside, and the authors' own, which leaves the head's
+output as it is, one row per cell of three or four grids. YOLOX-tiny is that of the RTMPose project,
+trained on persons of COCO and Human-Art.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from scene4d.perception.detectors.onnx_yolox import (
-    TILE_THRESHOLD,
-    WHOLE_THRESHOLD,
-    OnnxYoloxDetector,
-)
-from scene4d.perception.detectors.tiles import ExpectedPersonPx
-from scene4d.perception.session import DEFAULT_THREADS
+import cv2
+import numpy as np
+
+from scene4d.core.errors import InputError
+from scene4d.perception.detectors.base import COCO80
+from scene4d.perception.detectors.tiles import Boxes, Sight, TiledDetector
+from scene4d.perception.session import open_session
 from scene4d.perception.weights import weight_path
 
+_WHOLE_THRESHOLD = 0.4
+_TILE_THRESHOLD = 0.55
+"""Scores from which a box is believed, in the whole frame and in a tile, where things without
+their surroundings are mistaken more often. Chosen by hand on the tuning cameras."""
 
-class YoloxDetector(OnnxYoloxDetector):
-    """Finds persons; boxes are pixels of the image given, pixel centres at integers.
+_PAD = 114.0  # grey level around the picture, as the networks were trained
+_STRIDES = ((8, 16, 32), (8, 16, 32, 64))
+_FIXED = 5  # columns before the classes: box and objectness
 
-    Arguments as in :class:`~scene4d.perception.detectors.tiled.TiledDetector`; ``weights`` None
-    is the network of the weight store.
+
+class OnnxYoloxDetector(TiledDetector):
+    """Finds what a YOLOX network of yours was trained on; which layout it has is found out.
+
+    The network takes one picture (1, 3, height, width), blue first, 0-255, resized into the upper
+    left of a canvas of grey 114. Layouts: outputs (1, n, 5) = x1 y1 x2 y2 score and (1, n) = class
+    number, boxes in pixels of the input; or one output (1, cells, 5 + classes), whose boxes are
+    offsets in their cells or decoded already. ``input_px`` is the side of a square input, needed
+    where the file leaves it open. Raises :class:`InputError` for a file that is none of these.
     """
 
     def __init__(
         self,
-        weights: Path | None = None,
+        path: Path,
         *,
-        threads: int = DEFAULT_THREADS,
-        whole_threshold: float = WHOLE_THRESHOLD,
-        tile_threshold: float = TILE_THRESHOLD,
-        tiles: bool | None = None,
-        expected_person_px: ExpectedPersonPx | None = None,
+        class_names: Sequence[str] = COCO80,
+        input_px: int | None = None,
     ) -> None:
+        self._path = path
+        self._session = _open(path)
+        self._input, self._size = _input_of(path, self._session, input_px)
         super().__init__(
-            weight_path("yolox-tiny") if weights is None else weights,
-            class_names=("person",),
-            threads=threads,
-            whole_threshold=whole_threshold,
-            tile_threshold=tile_threshold,
-            tiles=tiles,
-            expected_person_px=expected_person_px,
+            class_names=tuple(class_names),
+            sight=Sight.of_input(max(self._size)),
+            whole_threshold=_WHOLE_THRESHOLD,
+            tile_threshold=_TILE_THRESHOLD,
         )
+        self._choose_layout()
+
+    def infer(self, image_bgr: np.ndarray, threshold: float) -> Boxes:
+        """What the network says of one picture; see :meth:`TiledDetector.infer`."""
+        height, width = image_bgr.shape[:2]
+        scale = min(self._size[0] / width, self._size[1] / height)
+        size = (max(1, round(width * scale)), max(1, round(height * scale)))
+        canvas = np.full((self._size[1], self._size[0], 3), _PAD, np.float32)
+        canvas[: size[1], : size[0]] = cv2.resize(image_bgr, size, interpolation=cv2.INTER_LINEAR)
+        found = self._read(self._run(canvas), threshold)
+        # The network's boxes measure from the image's edge, not from the first pixel's centre.
+        shrink = np.array([size[0] / width, size[1] / height] * 2)
+        return found._replace(xyxy=found.xyxy / shrink - 0.5).clipped(width, height)
+
+    def _run(self, canvas: np.ndarray) -> list[np.ndarray]:
+        blob = np.ascontiguousarray(canvas.transpose(2, 0, 1)[None])
+        outputs: list[np.ndarray] = self._session.run(self._outputs, {self._input: blob})
+        return outputs
+
+    def _choose_layout(self) -> None:
+        """Run the network once on an empty canvas, and see what comes out."""
+        self._outputs: list[str] | None = None
+        canvas = np.full((self._size[1], self._size[0], 3), _PAD, np.float32)
+        try:
+            found = self._run(canvas)
+        except Exception as error:  # onnxruntime's errors have no base of their own
+            raise InputError(f"{self._path}: the network cannot be run: {error}") from error
+        names = [o.name for o in self._session.get_outputs()]
+        dets = [k for k, a in enumerate(found) if a.ndim == 3 and a.shape[::2] == (1, _FIXED)]
+        labels = [k for k, a in enumerate(found) if a.ndim == 2 and a.dtype.kind == "i"]
+        self._grid = None
+        if len(dets) == len(labels) == 1:
+            self._outputs = [names[dets[0]], names[labels[0]]]
+            return
+        grids = [_grid(self._size, strides) for strides in _STRIDES]
+        columns = _FIXED + len(self.class_names)
+        for k, output in enumerate(found):
+            for grid in grids:
+                if output.shape == (1, len(grid), columns):
+                    self._outputs = [names[k]]
+                    self._grid = None if _decoded(output[0], self._size) else grid
+                    return
+        said = ", ".join(f"{n} {tuple(a.shape)}" for n, a in zip(names, found, strict=True))
+        cells = " or ".join(str(len(grid)) for grid in grids)
+        raise InputError(
+            f"{self._path}: found outputs {said}, expected boxes (1, n, 5) with labels (1, n), or "
+            f"(1, {cells}, {columns}) for an input of {self._size[0]}x{self._size[1]} and "
+            f"{len(self.class_names)} class names; give the names it was trained on, or export it "
+            "again as YOLOX or OpenMMLab do"
+        )
+
+    def _read(self, outputs: list[np.ndarray], threshold: float) -> Boxes:
+        if len(outputs) == 2:
+            dets, label = outputs[0][0], outputs[1][0]
+            rows = dets[:, 4] >= threshold
+            found = Boxes(dets[rows, :4].astype(float), dets[rows, 4].astype(float), label[rows])
+        else:
+            found = _best_classes(outputs[0][0], self._grid, threshold)
+        if len(found.label) and not 0 <= found.label.min() <= found.label.max() < len(
+            self.class_names
+        ):
+            raise InputError(
+                f"{self._path}: found class number {int(found.label.max())}, expected 0 to "
+                f"{len(self.class_names) - 1} for {len(self.class_names)} class names"
+            )
+        return found._replace(label=found.label.astype(np.int64))
+
+
+class YoloxDetector(OnnxYoloxDetector):
+    """YOLOX-tiny, which finds persons; gets the weights if they are missing."""
+
+    def __init__(self) -> None:
+        super().__init__(weight_path("yolox-tiny"), class_names=("person",))
+
+
+def _best_classes(rows: np.ndarray, grid: np.ndarray | None, threshold: float) -> Boxes:
+    """Boxes of the head's rows that reach the threshold; ``grid`` None where they are decoded."""
+    score = rows[:, 4] * rows[:, _FIXED:].max(axis=1)
+    chosen = np.flatnonzero(score >= threshold)
+    middle, size = rows[chosen, :2].astype(float), rows[chosen, 2:4].astype(float)
+    if grid is not None:
+        corner, stride = grid[chosen, :2], grid[chosen, 2:]
+        middle, size = (middle + corner) * stride, np.exp(size) * stride
+    xyxy = np.hstack([middle - size / 2, middle + size / 2])
+    label = rows[chosen, _FIXED:].argmax(axis=1)
+    return Boxes(xyxy, score[chosen].astype(float), label)
+
+
+def _grid(size: tuple[int, int], strides: tuple[int, ...]) -> np.ndarray:
+    """Column, row and stride (twice) of every cell (cells, 4), in the order of the head's rows."""
+    parts = []
+    for stride in strides:
+        v, u = np.mgrid[: size[1] // stride, : size[0] // stride]
+        step = np.full(u.size, stride)
+        parts.append(np.column_stack([u.ravel(), v.ravel(), step, step]))
+    return np.concatenate(parts).astype(float)
+
+
+def _decoded(rows: np.ndarray, size: tuple[int, int]) -> bool:
+    """Whether boxes are in pixels already: they lie all over the input then.
+
+    An offset in a cell is a few cells at most, so half of the rows are close to 0.
+    """
+    return bool(np.median(rows[:, 0]) > size[0] / 8)
+
+
+def _open(path: Path) -> Any:
+    if not path.is_file():
+        raise InputError(f"{path}: there is no such file, expected a network in ONNX format")
+    try:
+        return open_session(path)
+    except Exception as error:  # onnxruntime's errors have no base of their own
+        raise InputError(f"{path}: not a network that ONNX Runtime can open: {error}") from error
+
+
+def _input_of(path: Path, session: Any, input_px: int | None) -> tuple[str, tuple[int, int]]:
+    """Name of the input, and the width and height that it takes."""
+    inputs = session.get_inputs()
+    said = ", ".join(f"{i.name} {i.shape} {i.type}" for i in inputs)
+    first = inputs[0]
+    if len(inputs) != 1 or len(first.shape) != 4 or first.type != "tensor(float)":
+        raise InputError(f"{path}: found inputs {said}, expected one (1, 3, h, w) of float32")
+    batch, channels, height, width = first.shape
+    if channels not in (3, None) and not isinstance(channels, str):
+        raise InputError(f"{path}: found {channels} channels in {said}, expected 3")
+    if isinstance(batch, int) and batch != 1:
+        raise InputError(f"{path}: found a batch of {batch} in {said}, expected 1")
+    if isinstance(height, int) and isinstance(width, int):
+        if input_px is not None and (width, height) != (input_px, input_px):
+            raise InputError(
+                f"{path}: input_px {input_px} was given, but the network takes {width}x{height}"
+            )
+        return first.name, (width, height)
+    if input_px is None:
+        raise InputError(f"{path}: the size of {said} is open; give input_px, such as 640")
+    if input_px < 32 or input_px % 32:
+        raise InputError(f"input_px: found {input_px}, expected a multiple of 32")
+    return first.name, (input_px, input_px)

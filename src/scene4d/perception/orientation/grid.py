@@ -1,5 +1,7 @@
-"""Probability over a camera's roll, tilt and vertical field of view, on one fixed grid."""
+"""Beliefs about roll, tilt and vertical field of view on one fixed grid, and their fusion."""
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,8 +20,15 @@ VFOV_RAD = np.radians(np.geomspace(9.0, 110.0, 21))
 SHAPE = (len(ROLL_RAD), len(TILT_RAD), len(VFOV_RAD))
 ASPECT = (4, 3)
 """Width to height of the centred crop that is looked at."""
-_MOST = 0.98
+_MOST_CORRELATION = 0.98
+"""Of focal length and tilt: a covariance must stay invertible."""
 _AXES = (ROLL_RAD, TILT_RAD, np.log(VFOV_RAD))
+_CORRELATION = 0.9
+"""Of the network's errors in two frames of one camera: it looks at the same scene. Chosen
+by hand."""
+_STRAY_SIGMAS = 4.0
+"""A frame that reads a value so far from the median of all is left out; chosen by hand."""
+_MAD_TO_SIGMA = 1.4826  # of a Gaussian
 
 
 def crop_size(image_size: tuple[int, int]) -> tuple[int, int]:
@@ -34,6 +43,14 @@ def crop_size(image_size: tuple[int, int]) -> tuple[int, int]:
     if min(size) < 1:
         raise InputError(f"the picture of {width}x{height} pixels is too small to read a camera in")
     return size
+
+
+def centre_crop(image_bgr: np.ndarray) -> np.ndarray:
+    """The largest centred 4:3 part of a picture (h, w, 3), a view of it."""
+    height, width = image_bgr.shape[:2]
+    across, along = crop_size((width, height))
+    left, top = (width - across) // 2, (height - along) // 2
+    return image_bgr[top : top + along, left : left + across]
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +133,6 @@ class Belief:
         low, high = np.exp(ends) if axis == 2 else ends
         return float(low), float(high)
 
-    def tempered(self, power: float) -> "Belief":
-        """Flattened (power below 1) or sharpened."""
-        return Belief.normalised(power * self.log_p)
-
     def given_vfov(self, vfov_rad: float, relative_sigma: float = 0.02) -> "Belief":
         """With the field of view known: a lens that was told makes tilt and roll sharper.
 
@@ -147,6 +160,7 @@ class Belief:
             sigma.append(float(np.sqrt(weight @ (nodes - mean[-1]) ** 2)))
         both = self.p.sum(axis=0)
         together = (TILT_RAD - mean[1]) @ both @ (np.log(focal) - log_focal)
+        most = _MOST_CORRELATION
         correlation = float(together / max(sigma[1] * focal_sigma, 1e-12))
         return Orientation(
             focal_px=float(np.exp(log_focal)),
@@ -155,5 +169,43 @@ class Belief:
             focal_sigma_px=float(np.exp(log_focal)) * focal_sigma,
             tilt_sigma_rad=sigma[1],
             roll_sigma_rad=sigma[0],
-            focal_tilt_correlation=float(np.clip(correlation, -_MOST, _MOST)),
+            focal_tilt_correlation=float(np.clip(correlation, -most, most)),
         )
+
+
+def fused(beliefs: Sequence[Belief], *, correlation: float = _CORRELATION) -> Belief:
+    """The mean log-probability of the frames, raised to how many of them count.
+
+    Of n equally correlated frames ``n / (1 + (n - 1) · correlation)`` count. Frames that stray from
+    the median of all (a lorry before the lens, a blinded sensor) are left out. An even belief for
+    no frames.
+    """
+    if not beliefs:
+        return Belief.even()
+    kept = [belief for belief, stray in zip(beliefs, _strays(beliefs), strict=True) if not stray]
+    total = np.zeros_like(beliefs[0].log_p)
+    for belief in kept:
+        total += belief.log_p
+    effective = len(kept) / (1 + (len(kept) - 1) * correlation)
+    return Belief.normalised(total * (effective / len(kept)))
+
+
+def _strays(beliefs: Sequence[Belief]) -> np.ndarray:
+    """Which frames read a value far from the median, for their own spread and that of all."""
+    mean = np.array([belief.mean() for belief in beliefs])
+    sigma = np.array([belief.sigma() for belief in beliefs])
+    apart = np.abs(mean - np.median(mean, axis=0))
+    common = _MAD_TO_SIGMA * np.median(apart, axis=0)
+    stray: np.ndarray = (apart > _STRAY_SIGMAS * np.hypot(sigma, common)).any(axis=1)
+    return stray if not stray.all() else np.zeros(len(beliefs), bool)
+
+
+def modal(beliefs: Sequence[Belief]) -> np.ndarray:
+    """Roll, tilt and field of view (radians) read most often, as the paper takes them: the mode
+    over frames of each frame's likeliest cell, the first of several. Raises :class:`ValueError` for
+    no frames.
+    """
+    if not beliefs:
+        raise ValueError("the mode of no frames")
+    votes = Counter(tuple(belief.mode()) for belief in beliefs)
+    return np.array(votes.most_common(1)[0][0])

@@ -21,8 +21,13 @@ import numpy as np
 from jaxtyping import Float, Float32, Int, UInt8
 
 from scene4d.perception.lines import straight_edges
-from scene4d.perception.orientation.grid import ROLL_RAD, SHAPE, TILT_RAD, VFOV_RAD
-from scene4d.perception.orientation.network import centre_crop
+from scene4d.perception.orientation.grid import (
+    ROLL_RAD,
+    SHAPE,
+    TILT_RAD,
+    VFOV_RAD,
+    centre_crop,
+)
 
 _WORKING_HEIGHT = 480
 """Larger pictures are shrunk to this height: finding segments takes half of the time."""
