@@ -173,10 +173,13 @@ class SearchResult:
 
     def _repr_html_(self) -> str:
         """The best events as a table, and the very best in a plan."""
-        from scene4d.searching.pages.plan import plan_svg
+        from scene4d.searching.pages.plan import plan_svg, role_colours
 
         roles = [role.name for role in self.asked.query.activity.roles]
-        head = "".join(f"<th>{escape(name)}</th>" for name in ("score", "when", "camera", *roles))
+        head = "<th>score</th><th>when</th><th>camera</th>" + "".join(
+            f'<th><span style="color:{colour}">&#9632;</span> {escape(role)}</th>'
+            for role, colour in role_colours(roles).items()
+        )
         rows = "".join(
             f"<tr><td>{found.event.score:.2f}</td><td>{escape(found.when)}</td>"
             f"<td>{escape(found.run.camera)}</td>"

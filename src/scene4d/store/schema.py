@@ -181,35 +181,45 @@ def from_table(table: Table, rows: Int[np.ndarray, "m"] | None = None) -> Tracks
     are symmetric.
     """
     taken: Any = slice(None) if rows is None else rows
+    n = table.num_rows if rows is None else len(rows)
     there = set(table.column_names)
-    found = {
-        c.name: _numpy(table, c.name)[taken] if c.name in there else np.full(1, np.nan)
-        for c in COLUMNS
-        if c.name not in {"camera", "time", "class", *KEYPOINT_COLUMNS}
-    }
-    n = len(found["track"])
-    found = {name: np.broadcast_to(values, n) for name, values in found.items()}
-    u, v, score = (
+
+    def column(name: str) -> np.ndarray:
+        values: np.ndarray = _numpy(table, name)[taken]
+        return values
+
+    def columns(*names: str) -> np.ndarray:
+        if names[0] not in there:
+            return np.broadcast_to(np.nan, (n, len(names)))
+        found = np.empty((n, len(names)))
+        for place, name in enumerate(names):
+            found[:, place] = column(name)
+        return found
+
+    def matrices(prefix: str) -> np.ndarray:
+        return columns(*(prefix + name for name in ("xx", "xy", "xy", "yy"))).reshape(-1, 2, 2)
+
+    u, v, keypoint_score = (
         _lists(table, name)[taken] if name in there else np.zeros((n, 0))
         for name in KEYPOINT_COLUMNS
     )
     return Tracks(
-        track=found["track"],
+        track=column("track"),
         class_name=_class_names(table, taken),
-        time_s=found["time_s"],
-        frame=found["frame"],
-        xy_m=_vectors(found, "x_m", "y_m"),
-        covariance_m2=_matrices(found, "var_xx", "var_xy", "var_yy"),
-        shared_covariance_m2=_matrices(found, "shared_xx", "shared_xy", "shared_yy"),
-        velocity_mps=_vectors(found, "vx_mps", "vy_mps"),
-        velocity_covariance=_matrices(found, "var_vxx", "var_vxy", "var_vyy"),
-        heading_rad=found["heading_rad"],
-        heading_sigma_rad=found["heading_sigma_rad"],
-        box_xyxy=_vectors(found, "x1", "y1", "x2", "y2"),
+        time_s=column("time_s"),
+        frame=column("frame"),
+        xy_m=columns("x_m", "y_m"),
+        covariance_m2=matrices("var_"),
+        shared_covariance_m2=matrices("shared_"),
+        velocity_mps=columns("vx_mps", "vy_mps"),
+        velocity_covariance=matrices("var_v"),
+        heading_rad=column("heading_rad"),
+        heading_sigma_rad=column("heading_sigma_rad"),
+        box_xyxy=columns("x1", "y1", "x2", "y2"),
         keypoint_uv=np.stack([u, v], axis=-1),
-        keypoint_score=score,
-        score=found["score"],
-        observed=found["observed"],
+        keypoint_score=keypoint_score,
+        score=columns("score")[:, 0],
+        observed=column("observed"),
     )
 
 
@@ -302,15 +312,6 @@ def _numpy(table: Table, name: str) -> np.ndarray:
         kinds = {"track": np.int64, "frame": np.int64, "observed": bool, "class": np.int8}
         return np.zeros(0, kinds.get(name))
     return np.asarray(table[name].to_numpy())
-
-
-def _vectors(found: dict[str, np.ndarray], *names: str) -> np.ndarray:
-    return np.column_stack([found[name] for name in names])
-
-
-def _matrices(found: dict[str, np.ndarray], xx: str, xy: str, yy: str) -> np.ndarray:
-    four = _vectors(found, xx, xy, xy, yy)
-    return four.reshape(-1, 2, 2)
 
 
 def _lists(table: Table, name: str) -> np.ndarray:
