@@ -1,6 +1,6 @@
 """All annotated clips of MEVA as scenes: how long it takes, and whether parked vehicles stay put.
 
-    python benchmarks/meva_scenes.py [--data DIR] [--clips N]
+    python -m benchmarks.meva_scenes [--data DIR] [--clips N]
 
 DIR holds meva/. A vehicle counts as parked where the boxes of its track do not move.
 """
@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.vehicle_positions import stands
 from scene4d.core.errors import Scene4DError
 from scene4d.store.query import Scene
 from scene4d.tracking import TrackOptions, track
-from scene4d.tracking.vehicles import stands
 
 ROOT = Path(__file__).parents[1]
 

@@ -28,10 +28,9 @@ from scene4d.perception.people import PeopleDetector, detect_people
 from scene4d.tracking.people import (
     BODY_SIGMA_M,
     explain_people,
-    implied_height_m,
     locate_people,
 )
-from scene4d.tracking.people_placing import Placed, Seen, at_height, on_the_ground
+from scene4d.tracking.people_placing import Placed, Seen, at_height, on_the_ground, pixel_sigma
 from scene4d.tracking.people_points import (
     BOTH_FEET,
     BOX_BOTTOM,
@@ -264,6 +263,39 @@ def persistence(found: Detections, truth: Truth, camera: Camera) -> None:
             good = (np.abs(first) < 1).all(axis=1) & (np.abs(second) < 1).all(axis=1)
             both = [np.corrcoef(first[good, k], second[good, k])[0, 1] for k in (0, 1)]
             print(f"errors {seconds} s apart correlate by {both[0]:.2f} away, {both[1]:.2f} aside")
+
+
+def implied_height_m(
+    detections: Detections, camera: Camera, *, box_share: float = BOX_SHARE
+) -> tuple[np.ndarray, np.ndarray]:
+    """Height (m) of every person by this sighting alone, and its standard deviation.
+
+    The ray through the upper end passes the vertical line over the lower end at that height. From
+    both feet and the head, or from boxes where there are no keypoints at all; NaN for all others.
+    """
+    seen = Seen.by(detections, camera, box_share)
+    lower, ray, radius = (
+        on_the_ground(seen.below, seen.below_rays),
+        seen.above_rays,
+        seen.above.radius_m,
+    )
+    with np.errstate(all="ignore"):  # people straight below the camera have no direction
+        foot = lower.xy_m - radius[:, None] * ray.row_normal[:, :2] - ray.origin_m[:2]
+        along = np.hypot(ray.direction[:, 0], ray.direction[:, 1])
+        towards = ray.direction[:, :2] / along[:, None]
+        rise = ray.direction[:, 2] / along  # of the ray, metres per metre of ground
+        depth = (foot * towards).sum(axis=1) / along
+        height = ray.origin_m[2] + depth * ray.direction[:, 2] + radius * (1 + ray.row_normal[:, 2])
+        sideways = np.einsum("ni,nij->nj", towards, ray.by_uv[:, :2])
+        by_uv = depth[:, None] * (ray.by_uv[:, 2] - rise[:, None] * sideways)
+        by_foot = rise[:, None] * towards
+        noise = by_uv * pixel_sigma(seen.above.share, ray.focal_px / depth)
+        variance = (noise**2).sum(axis=1)
+        variance += np.einsum("ni,nij,nj->n", by_foot, lower.covariance_m2, by_foot)
+        whole = lower.known & (depth > 0) & np.isfinite(variance)
+    if detections.keypoint_names:
+        whole &= (seen.below.by == BOTH_FEET) & (seen.above.by == HEAD)
+    return np.where(whole, height, np.nan), np.where(whole, np.sqrt(variance), np.nan)
 
 
 def heights(found: Detections, truth: Truth, camera: Camera) -> None:

@@ -25,7 +25,7 @@ from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
 from scene4d.tracking.vehicle_fit import Bells, Boxes, fit
 from scene4d.tracking.vehicle_shapes import CUBOID, SHAPES
-from scene4d.tracking.vehicles import fit_parked, locate_vehicles, stands
+from scene4d.tracking.vehicles import JITTER_SHARE, locate_vehicles
 
 ROOT = Path(__file__).parents[1]
 NOISE_SHARE, NOISE_PX = 0.036, 1.4
@@ -34,6 +34,9 @@ ELLIPSE_95 = 5.991
 MEVA_GROUND_M = 1.0
 """Guess of the ground's height in MEVA's world (0.5 to 1.5 m, not the same for every camera)."""
 MEVA_FPS = 30.0
+STANDING_PARTS = 5
+STANDING_SIGMAS = 2.5
+"""A track moves where the median boxes of parts of it differ by more than this many jitters."""
 
 PROFILES = {
     "saloon": ((-0.49, 0.18), (-0.5, 0.45), (-0.47, 0.66), (-0.33, 0.72), (-0.17, 0.98),
@@ -243,6 +246,23 @@ def meva_clips(annotations: Path, camera: Camera, name: str) -> Iterator[tuple[s
         yield path.name, boxes.select(np.lexsort((boxes.frame, boxes.track)))
 
 
+def stands(box_xyxy: np.ndarray) -> bool:
+    """Whether the boxes of a track, in order of time, show something that does not move.
+
+    The boxes are cut into at most five parts; the parts' median boxes must agree within the jitter
+    of boxes. People who pass before a parked vehicle disturb a median only where they hide it for
+    half of a part. False for fewer than two boxes.
+    """
+    boxes = box_xyxy[np.isfinite(box_xyxy).all(axis=1)]
+    if len(boxes) < 2:
+        return False
+    parts = np.array_split(boxes, min(len(boxes), STANDING_PARTS))
+    medians = np.array([np.median(part, axis=0) for part in parts])
+    box = np.median(boxes, axis=0)
+    jitter = np.hypot(1.0, JITTER_SHARE * np.tile(box[2:] - box[:2], 2))
+    return bool((np.ptp(medians, axis=0) <= STANDING_SIGMAS * jitter).all())
+
+
 def standing(boxes: Detections) -> Detections:
     keep = [t for t in np.unique(boxes.track) if stands(boxes.box_xyxy[boxes.track == t])]
     return boxes.select(np.isin(boxes.track, keep))
@@ -261,12 +281,13 @@ def parked(annotations: Path, data: Path) -> None:
         for _, boxes in meva_clips(annotations, camera, name):
             still = standing(boxes)
             found, base = locate_vehicles(still, camera), bottom_centre(camera, still)
-            tracks, places = fit_parked(still, camera)
-            for row, track in enumerate(tracks):
+            for track in np.unique(still.track):
                 mine = (still.track == track) & found.known
                 fitted.append(_spread(found.xy_m[mine]))
                 bottom.append(_spread(base[mine]))
-                far.append(np.hypot(*(places.xy_m[row] - camera.centre_m[:2])))
+                if mine.any():
+                    place = np.median(found.xy_m[mine], axis=0)
+                    far.append(np.hypot(*(place - camera.centre_m[:2])))
         f, b = np.array(fitted), np.array(bottom)
         print(
             f"{name:14}{len(f):6}{np.nanmedian(f):11.3f}{np.nanquantile(f, 0.95):8.3f}"
@@ -344,13 +365,15 @@ def picture(annotations: Path, data: Path, name: str, clip: str, out: Path) -> N
         if not path.startswith(clip):
             continue
         still = standing(boxes)
-        tracks, places = fit_parked(still, camera)
-        medians = [np.median(still.box_xyxy[still.track == t], axis=0) for t in tracks]
-        for row, box in enumerate(medians):
+        found = locate_vehicles(still, camera)
+        for track in np.unique(still.track):
+            mine = still.track == track
+            box = np.median(still.box_xyxy[mine], axis=0)
             low, high = np.round(box[:2]).astype(int), np.round(box[2:]).astype(int)
             cv2.rectangle(image, low.tolist(), high.tolist(), (0, 200, 255), 1)
-            if places.known[row]:
-                _draw_vehicle(image, camera, box, places.xy_m[row])
+            if (mine & found.known).any():
+                place = np.median(found.xy_m[mine & found.known], axis=0)
+                _draw_vehicle(image, camera, box, place)
     cv2.imwrite(str(out), image)
 
 

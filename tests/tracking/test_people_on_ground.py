@@ -14,7 +14,7 @@ from scene4d.core.body import COCO17, HALPE26
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
-from scene4d.tracking.people import explain_people, implied_height_m, locate_people
+from scene4d.tracking.people import explain_people, locate_people
 from scene4d.tracking.people_points import DRAWN_BOX_SHARE
 from scene4d.tracking.rays import Rays
 
@@ -98,8 +98,6 @@ def test_a_box_around_a_solid_body_is_placed_at_its_axis(tilt_deg, roll_deg):
     found = explain_people(with_boxes(people), camera, height_m=people.height_m)
     off = np.linalg.norm(found.located.xy_m - people.xy_m, axis=1)
     assert np.quantile(off, 0.95) < 0.03  # a quarter of a metre where the body has no radius
-    height, _ = implied_height_m(with_boxes(people), camera)
-    assert np.nanquantile(np.abs(height - people.height_m), 0.95) < 0.03
 
 
 WAYS = {
@@ -156,22 +154,6 @@ def test_a_height_of_ones_own_is_worth_having():
     mean = locate_people(seen, camera)
     assert rms(own, people) < 0.7 * rms(mean, people)
     assert 0.85 < (squared_distance(own, people) < CHI2_95).mean() < 0.99
-
-
-def test_heights_are_told_with_their_spread():
-    rng = np.random.default_rng(8)
-    for camera in cameras(6)[1:]:  # the first has hardly room for whole people
-        people = crowd(camera, 300, rng)
-        for seen in (with_keypoints(people, rng, sway_m=0.0), with_boxes(people, rng, sway_m=0.0)):
-            height, sigma = implied_height_m(seen, camera)
-            known = np.isfinite(height)
-            assert known.mean() > 0.85
-            off = ((height - people.height_m) / sigma)[known]
-            assert abs(off.mean()) < 0.3
-            assert 0.8 < off.std() < 1.2
-        nobody, unsure = implied_height_m(hidden(with_keypoints(people, rng), FEET), camera)
-        assert np.isnan(nobody).all()
-        assert np.isnan(unsure).all()
 
 
 def one_of(**changes) -> tuple[Crowd, Detections]:
@@ -266,7 +248,6 @@ def test_above_the_horizon_nobody_stands():
         assert (found.lower[0], found.upper[0]) == ("", "")
         for field in fields(Located)[:4]:
             assert np.isnan(getattr(found.located, field.name)).all()
-        assert np.isnan(implied_height_m(detections, people.camera)[0]).all()
 
 
 def test_a_head_at_the_camera_s_own_height_says_nothing():
@@ -378,11 +359,9 @@ def test_nobody_and_another_image_size():
     people, seen = one_of()
     none = seen.select(np.zeros(1, bool))
     assert len(locate_people(none, people.camera)) == 0
-    assert len(implied_height_m(none, people.camera)[0]) == 0
     other = replace(seen, image_size=(640, 360))
-    for place in (locate_people, implied_height_m):
-        with pytest.raises(InputError, match=r"640x360.*1280x720"):
-            place(other, people.camera)
+    with pytest.raises(InputError, match=r"640x360.*1280x720"):
+        locate_people(other, people.camera)
 
 
 @pytest.mark.weights

@@ -26,7 +26,7 @@ from scene4d.core.people import Detections
 from scene4d.core.tracks import VEHICLES, Located
 from scene4d.tracking.vehicle_fit import Outline, cholesky, solve
 from scene4d.tracking.vehicle_shapes import CUBOID, SHAPES, VehicleShape
-from scene4d.tracking.vehicles import BIAS_SHARE, JITTER_SHARE, fit_parked, locate_vehicles, stands
+from scene4d.tracking.vehicles import locate_vehicles
 from strategies import build_camera, build_lens, cameras
 
 STREET = build_camera(build_lens((1920, 1080), 50.0, radial=(-0.06, 0, 0)), 18.0, 3.0, 7.0, 30.0)
@@ -410,8 +410,6 @@ def test_a_vehicle_of_unknown_kind_may_be_any(kind):
 
 def test_nothing_in_nothing_out():
     assert len(locate_vehicles(of(STREET, np.empty((0, 4))), STREET)) == 0
-    tracks, places = fit_parked(of(STREET, np.empty((0, 4))), STREET)
-    assert len(tracks) == len(places) == 0
 
 
 def test_bad_input_is_named():
@@ -443,80 +441,6 @@ def test_any_box_gives_a_place_with_a_covariance_or_none(camera, boxes, names):
     assert np.isnan(found.covariance_m2[~known]).all()
     assert np.isnan(found.heading_rad[~known]).all()
     assert (np.isnan(found.heading_rad) == np.isnan(found.heading_sigma_rad)).all()
-
-
-def watched(drawn: Drawn, frames: int, rng: np.random.Generator) -> Detections:
-    """The drawn vehicles over many frames; their boxes' own error stays, jitter comes."""
-    box = np.tile(drawn.detections.box_xyxy, (frames, 1))
-    extent = np.tile(box[:, 2:] - box[:, :2], 2)
-    box = box + rng.normal(size=box.shape) * np.hypot(1.0, JITTER_SHARE * extent)
-    track = np.tile(np.arange(len(drawn.detections)) * 3 + 7, frames)
-    return of(drawn.camera, box, track=track)
-
-
-def test_parked_vehicles_use_all_their_frames(monkeypatch):
-    rng = np.random.default_rng(9)
-    monkeypatch.setattr("benchmarks.vehicle_positions.NOISE_SHARE", BIAS_SHARE)
-    monkeypatch.setattr("benchmarks.vehicle_positions.NOISE_PX", 1.0)
-    drawn = [draw(camera, 120, rng) for camera in random_cameras(8, rng)]
-    once, parked, single = [], [], []
-    for d in drawn:
-        boxes = watched(d, 40, rng)
-        tracks, places = fit_parked(boxes, d.camera)
-        np.testing.assert_array_equal(tracks, np.arange(len(d.detections)) * 3 + 7)
-        parked.append(places)
-        once.append(locate_vehicles(boxes.select(np.arange(len(tracks))), d.camera))
-        single.append(fit_parked(boxes.select(boxes.track == 7), d.camera)[1])
-        np.testing.assert_allclose(single[-1].xy_m[0], places.xy_m[0], atol=1e-9)
-    assert 0.92 < coverage(parked, drawn) < 0.98
-    assert np.median(errors(parked, drawn)) < 0.97 * np.median(errors(once, drawn))
-    area = [np.concatenate([np.linalg.det(f.covariance_m2) for f in fs]) for fs in (parked, once)]
-    assert np.median(area[0] / area[1]) < 0.8
-
-
-def test_many_frames_average_the_jitter_but_neighbours_err_alike():
-    box = np.array([800.0, 500.0, 950.0, 600.0])
-    jitter = np.random.default_rng(11).normal(0, 12, (2000, 4))
-    area = {}
-    for frames in (8, 20, 2000):
-        boxes = of(STREET, box + jitter[:frames], track=np.ones(frames, int))
-        area[frames] = np.linalg.det(fit_parked(boxes, STREET)[1].covariance_m2[0])
-    assert area[2000] < 0.5 * area[20]
-    assert area[20] > 0.4 * area[8]  # 20 frames are not 20 facts
-
-
-def test_a_parked_vehicle_is_not_moved_by_who_walks_past_nor_by_a_wrong_class():
-    shape = SHAPES["car"]
-    box, _ = boxes_of(
-        STREET, shape.points, shape.size_m[None], np.array([0.4]), np.array([[-5, 25.0]])
-    )
-    boxes = np.tile(box, (50, 1))
-    boxes[10:25, 3] -= 30.0  # the lower part is hidden for a while
-    names = np.full(50, "car")
-    names[:12] = "truck"
-    _, clean = fit_parked(of(STREET, np.tile(box, (50, 1)), track=np.full(50, 4)), STREET)
-    _, found = fit_parked(of(STREET, boxes, names, track=np.full(50, 4)), STREET)
-    np.testing.assert_allclose(found.xy_m, clean.xy_m, atol=1e-9)
-
-
-def test_what_stands_and_what_moves():
-    rng, n = np.random.default_rng(10), 60
-    shape, size = SHAPES["car"], np.tile(SHAPES["car"].size_m, (n, 1))
-    metres = np.linspace(0, 1.5, n)[:, None]
-    for heading in (0.0, 0.8, np.pi / 2):
-        start = np.array([-5.0, 25.0])
-        turned = np.full(n, heading)
-        way = start + metres * [np.cos(heading), np.sin(heading)]
-        for moves, xy in ((False, np.tile(start, (n, 1))), (True, way)):
-            box, _ = boxes_of(STREET, shape.points, size, turned, xy)
-            extent = np.tile(box[:, 2:] - box[:, :2], 2)
-            box += rng.normal(size=box.shape) * JITTER_SHARE * extent
-            assert stands(box) is not moves
-            box[5] = np.nan  # a frame without a box
-            assert stands(box) is not moves
-    assert not stands(np.empty((0, 4)))
-    assert not stands(np.array([[0.0, 0, 10, 10]]))
-    assert stands(np.array([[0.0, 0, 100, 50], [0.5, 0, 100, 50.5]]))
 
 
 def test_shapes_are_what_they_say():

@@ -33,9 +33,8 @@ from scene4d.tracking.people_placing import (
     at_height,
     inverse,
     on_the_ground,
-    pixel_sigma,
 )
-from scene4d.tracking.people_points import BOTH_FEET, BOX_SHARE, HEAD, ONE_FOOT
+from scene4d.tracking.people_points import BOTH_FEET, BOX_SHARE, ONE_FOOT
 
 BODY_SIGMA_M = 0.085
 """The middle of the body against that of its feet or head, on the ground."""
@@ -149,37 +148,3 @@ def _combined(
     with np.errstate(all="ignore"):  # zero where neither is used
         covariance = inverse(information)
     return np.einsum("nij,nj->ni", covariance, pull), covariance
-
-
-def implied_height_m(
-    detections: Detections, camera: Camera, *, box_share: float = BOX_SHARE
-) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-    """Height (m) of every person by this sighting alone, and its standard deviation.
-
-    The ray through the upper end passes the vertical line over the lower end at that height. From
-    both feet and the head, or from boxes where there are no keypoints at all; NaN for all others.
-    Raises :class:`InputError` as :func:`locate_people`.
-    """
-    seen = Seen.by(detections, camera, box_share)
-    lower, ray, radius = (
-        on_the_ground(seen.below, seen.below_rays),
-        seen.above_rays,
-        seen.above.radius_m,
-    )
-    with np.errstate(all="ignore"):  # people straight below the camera have no direction
-        foot = lower.xy_m - radius[:, None] * ray.row_normal[:, :2] - ray.origin_m[:2]
-        along = np.hypot(ray.direction[:, 0], ray.direction[:, 1])
-        towards = ray.direction[:, :2] / along[:, None]
-        rise = ray.direction[:, 2] / along  # of the ray, metres per metre of ground
-        depth = (foot * towards).sum(axis=1) / along
-        height = ray.origin_m[2] + depth * ray.direction[:, 2] + radius * (1 + ray.row_normal[:, 2])
-        sideways = np.einsum("ni,nij->nj", towards, ray.by_uv[:, :2])
-        by_uv = depth[:, None] * (ray.by_uv[:, 2] - rise[:, None] * sideways)
-        by_foot = rise[:, None] * towards
-        noise = by_uv * pixel_sigma(seen.above.share, ray.focal_px / depth)
-        variance = (noise**2).sum(axis=1)
-        variance += np.einsum("ni,nij,nj->n", by_foot, lower.covariance_m2, by_foot)
-        whole = lower.known & (depth > 0) & np.isfinite(variance)
-    if detections.keypoint_names:
-        whole &= (seen.below.by == BOTH_FEET) & (seen.above.by == HEAD)
-    return np.where(whole, height, np.nan), np.where(whole, np.sqrt(variance), np.nan)

@@ -8,7 +8,7 @@ that its picture fills the box; see :mod:`scene4d.tracking.vehicle_fit`.
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
@@ -26,14 +26,9 @@ JITTER_SHARE = 0.02
 """Error of a box's edge that is new in every frame, as the same share."""
 _FLOOR_PX = 1.0
 """The least of both errors, in pixels."""
-_FRAMES_PER_FACT = 10
-"""Neighbouring frames err alike: so many tell as much as one."""
 _BORDER_SHARE = 0.0025
 """A box that comes as near to the picture's border, as a share of its width or height, is cut."""
 _LEAST_BORDER_PX = 2.0
-_STANDING_WINDOWS = 5
-_STANDING_SIGMAS = 2.5
-"""A track moves where the median boxes of parts of it differ by more than this many jitters."""
 _USELESS_HEADING_RAD = 0.8
 """A heading with a larger standard deviation does not tell front from back: it is not used."""
 _LIKELY_MISFIT = 6.0
@@ -76,41 +71,6 @@ def locate_vehicles(
     return _locate(table, camera, sigma, *headings, bottom_hidden)
 
 
-def fit_parked(detections: Detections, camera: Camera) -> tuple[Int[np.ndarray, "t"], Located]:
-    """Where vehicles that do not move stand: the tracks (ascending), and one row for each.
-
-    All boxes of a track make one median box. Its error is what the frames have in common and the
-    share of the jitter that averaging leaves. The class is the most frequent one of the track.
-    Raises :class:`InputError` as :func:`locate_vehicles`.
-    """
-    tracks, boxes, extra, names = _median_boxes(detections)
-    table = Detections.from_boxes(
-        detections.image_size,
-        np.zeros(len(tracks), np.int64),
-        boxes,
-        track=tracks,
-        class_name=names,
-    )
-    sigma = np.hypot(_box_noise(boxes, BIAS_SHARE), extra)
-    return tracks, _locate(table, camera, sigma, *_headings(len(tracks), None, None))
-
-
-def stands(box_xyxy: Float[np.ndarray, "n 4"]) -> bool:
-    """Whether the boxes of a track, in order of time, show something that does not move.
-
-    The boxes are cut into at most five parts; the parts' median boxes must agree within the jitter
-    of boxes. People who pass before a parked vehicle disturb a median only where they hide it for
-    half of a part. False for fewer than two boxes.
-    """
-    boxes = box_xyxy[np.isfinite(box_xyxy).all(axis=1)]
-    if len(boxes) < 2:
-        return False
-    parts = np.array_split(boxes, min(len(boxes), _STANDING_WINDOWS))
-    medians = np.array([np.median(part, axis=0) for part in parts])
-    jitter = _box_noise(np.median(boxes, axis=0)[None], JITTER_SHARE)[0]
-    return bool((np.ptp(medians, axis=0) <= _STANDING_SIGMAS * jitter).all())
-
-
 def _proper(box_xyxy: np.ndarray) -> np.ndarray:
     """The boxes, NaN where they are none."""
     proper = np.isfinite(box_xyxy).all(axis=1)
@@ -121,26 +81,6 @@ def _proper(box_xyxy: np.ndarray) -> np.ndarray:
 def _box_noise(box_xyxy: np.ndarray, share: float) -> np.ndarray:
     """Standard deviation (n, 4) of the boxes' edges in pixels."""
     return np.hypot(_FLOOR_PX, share * np.tile(box_xyxy[:, 2:] - box_xyxy[:, :2], 2))
-
-
-def _median_boxes(
-    detections: Detections,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Per track: its id, median box, standard deviation of that box by jitter, and class."""
-    tracks = np.unique(detections.track)
-    boxes, jitter, names = np.empty((len(tracks), 4)), np.empty((len(tracks), 4)), []
-    for row, track in enumerate(tracks):
-        mine = detections.track == track
-        box = _proper(detections.box_xyxy[mine])
-        box = box[np.isfinite(box).all(axis=1)]
-        if len(box) == 0:
-            box = np.full((1, 4), np.nan)
-        boxes[row] = np.median(box, axis=0)
-        spread = 1.4826 * np.median(np.abs(box - boxes[row]), axis=0)
-        jitter[row] = spread / np.sqrt(1 + (len(box) - 1) / _FRAMES_PER_FACT)
-        values, counts = np.unique(detections.class_name[mine], return_counts=True)
-        names.append(str(values[counts.argmax()]))
-    return tracks, boxes, jitter, np.array(names, dtype=str)
 
 
 def _headings(
