@@ -309,7 +309,7 @@ def streamed(sightings: Sightings, frames: int, fps: float) -> Smoothed:
         out = smoother.update(frame / fps, frame, sightings.select(rows))
         parts += [] if out is None else [out]
     parts.append(smoother.finish())
-    whole = Smoothed.concatenate(parts)
+    whole = Smoothed.joined(parts)
     row = np.append(np.concatenate(given), -1)
     return replace(whole, source=row[whole.source])
 

@@ -307,7 +307,7 @@ def streamed(rows, frames, **options):
     parts.append(smoother.finish())
     ends = [part.time_s.max() for part in parts if len(part)]
     assert ends == sorted(ends)
-    joined = Smoothed.concatenate(parts)
+    joined = Smoothed.joined(parts)
     found = joined.select(np.lexsort((joined.frame, joined.track)))
     source = np.append(np.concatenate(fed), -1)[found.source]
     return replace(found, source=source), most

@@ -17,14 +17,14 @@ import numpy as np
 from scene4d.core.errors import InputError
 from scene4d.core.tracks import CLASSES
 from scene4d.tracking.motion_model import class_numbers
-from scene4d.tracking.sightings import BRIDGED, Clock, Memory, Sightings
+from scene4d.tracking.sightings import BRIDGED, Memory, Sightings
 from scene4d.tracking.smoothing import (
-    Rows,
+    Estimates,
     Smoothed,
     SmoothingSettings,
+    estimate,
     finished,
     remembered,
-    smooth_rows,
 )
 
 
@@ -104,25 +104,25 @@ class FixedLagSmoother:
     def _release(self, until_s: float) -> Smoothed:
         s = self.settings
         held = _none() if not self._sightings else Sightings.joined(self._sightings)
-        clock = Clock.of(np.array(self._time_s), np.array(self._frame, np.int64))
-        rows = smooth_rows(held, clock, self._memory, s)
-        time = rows.moments.time_s
+        frame = np.array(self._frame, np.int64)
+        found = estimate(held, frame, np.array(self._time_s), self._memory, s)
+        time = found.rows.time_s
         wanted = (time > self._done_s) & (time <= until_s)
         track = np.array(sorted(self._counts), np.int64)
         counts = np.array([self._counts[t] for t in track.tolist()], np.int64)
         counts = counts.reshape(-1, len(CLASSES))
-        out = finished(rows, wanted, track, counts, s)
+        out = finished(found, wanted, track, counts)
         # A mark of a bridged row (-1) takes the last entry, which is the mark itself.
         source = np.concatenate([*self._source, [BRIDGED]])[out.source]
         if np.isfinite(until_s):
             # What stands is told from half a window on both sides of a row.
-            self._forget(rows, until_s - s.standing_window_s / 2)
+            self._forget(found, until_s - s.standing_window_s / 2)
             self._done_s = until_s
         return replace(out, source=source)
 
-    def _forget(self, rows: Rows, until_s: float) -> None:
+    def _forget(self, found: Estimates, until_s: float) -> None:
         """Keep rows after ``until_s``, and of those before what they say about each track."""
-        memory = remembered(rows, self._memory, until_s)
+        memory = remembered(found, self._memory, until_s)
         self._memory = memory.select(memory.time_s > self._time_s[-1] - self._forget_s)
         frames = [k for k, part in enumerate(self._sightings) if part.time_s[0] > until_s]
         self._sightings = [self._sightings[k] for k in frames]

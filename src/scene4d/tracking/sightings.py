@@ -1,13 +1,12 @@
 """What the smoother reads, put in order: sightings, frames between them, states from before."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from scene4d.core.columns import Columns
 from scene4d.core.errors import InputError
-from scene4d.tracking.motion_chain import Moments
 from scene4d.tracking.motion_model import class_numbers
 
 
@@ -41,30 +40,7 @@ class Sightings(Columns):
 
 
 @dataclass(frozen=True, eq=False)
-class Clock:
-    """Frames that were looked at, and when."""
-
-    time_s: Float[np.ndarray, "m"]
-    frame: Int[np.ndarray, "m"]
-
-    @classmethod
-    def of(cls, time_s: np.ndarray | None, frame: np.ndarray | None) -> "Clock":
-        """Checked: ascending, of one length; empty where not given."""
-        if time_s is None or frame is None:
-            if time_s is not frame:
-                raise InputError("smoothing: give frame_time_s and frame together")
-            return cls(np.empty(0), np.empty(0, np.int64))
-        if len(time_s) != len(frame):
-            raise InputError(f"smoothing: {len(time_s)} frame times for {len(frame)} frames")
-        if not (np.isfinite(time_s).all() and (np.diff(time_s) > 0).all()):
-            raise InputError("smoothing: frame_time_s must be finite and ascending")
-        if not (np.diff(frame) > 0).all():
-            raise InputError("smoothing: frame must be ascending")
-        return cls(np.asarray(time_s, float), np.asarray(frame, np.int64))
-
-
-@dataclass(frozen=True, eq=False)
-class Memory:
+class Memory(Columns):
     """Where a stream goes on: the state of each track's last row before, given all until then.
 
     ``measured_s`` is the time of the track's last position, NaN where it never had one.
@@ -78,10 +54,6 @@ class Memory:
     mean: Float[np.ndarray, "k 6"]
     covariance: Float[np.ndarray, "k 6 6"]
 
-    def select(self, rows: Bool[np.ndarray, "k"]) -> "Memory":
-        """The given tracks."""
-        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
     @classmethod
     def none(cls) -> "Memory":
         """Nothing remembered."""
@@ -94,9 +66,12 @@ BRIDGED, REMEMBERED = -1, -2
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
-    """Rows by (track, frame). ``source`` is the row of the sightings, or a mark above;
-    ``measured_s`` the time of the position that the row knows, NaN where it knows none.
+class TrackRows(Columns):
+    """Sightings, bridged frames and remembered states by (track, frame).
+
+    ``source`` is the row of the sightings, or a mark above; ``kind`` the class number.
+    ``measured_s`` is the time of the position that the row knows, NaN where it knows none; ``xy_m``
+    and ``covariance_m2`` are NaN where nothing was measured.
     """
 
     source: Int[np.ndarray, "n"]
@@ -108,14 +83,10 @@ class Table:
     xy_m: Float[np.ndarray, "n 2"]
     covariance_m2: Float[np.ndarray, "n 2 2"]
 
-    def select(self, rows: np.ndarray) -> "Table":
-        """The given rows, as a mask or as indices."""
-        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
     @property
-    def moments(self) -> Moments:
-        """What the equations need."""
-        return Moments(self.track, self.kind, self.time_s, self.xy_m, self.covariance_m2)
+    def first(self) -> Bool[np.ndarray, "n"]:
+        """Where a track begins."""
+        return np.diff(self.track, prepend=self.track[:1] - 1) != 0
 
     def placed(self, max_gap_s: float) -> Bool[np.ndarray, "n"]:
         """Rows that get a position: measured ones, and those in a gap that is short enough."""
@@ -129,15 +100,22 @@ class Table:
         return inside & (self.source != REMEMBERED)
 
 
-def table(sightings: Sightings, clock: Clock, memory: Memory, max_gap_s: float) -> Table:
+def in_order(
+    sightings: Sightings,
+    frame: Int[np.ndarray, "m"],
+    frame_time_s: Float[np.ndarray, "m"],
+    memory: Memory,
+    max_gap_s: float,
+) -> TrackRows:
     """Everything in order, gaps bridged. Raises :class:`InputError` as :func:`.smooth`."""
-    found = _joined(sightings, memory)
+    _check_frames(frame, frame_time_s)
+    found = TrackRows.joined([_remembered(memory), _seen(sightings)])
     order = np.lexsort((found.frame, found.track))
     found = found.select(order)
     _check_order(found)
-    if not len(clock.frame):
+    if not len(frame):
         return found
-    both = _concatenated(found, _bridges(found, clock, max_gap_s))
+    both = TrackRows.joined([found, _bridges(found, frame, frame_time_s, max_gap_s)])
     # Behind a sighting without a position the bridge of the same frame is dropped.
     order = np.lexsort((both.source == BRIDGED, both.frame, both.track))
     both = both.select(order)
@@ -147,33 +125,44 @@ def table(sightings: Sightings, clock: Clock, memory: Memory, max_gap_s: float) 
     return both
 
 
-def _joined(s: Sightings, m: Memory) -> Table:
-    n, k = len(s), len(m.track)
+def _check_frames(frame: np.ndarray, time_s: np.ndarray) -> None:
+    if len(time_s) != len(frame):
+        raise InputError(f"smoothing: {len(time_s)} frame times for {len(frame)} frames")
+    if not (np.isfinite(time_s).all() and (np.diff(time_s) > 0).all()):
+        raise InputError("smoothing: frame_time_s must be finite and ascending")
+    if not (np.diff(frame) > 0).all():
+        raise InputError("smoothing: frame must be ascending")
+
+
+def _seen(s: Sightings) -> TrackRows:
     known = np.isfinite(s.xy_m).all(axis=1)
-    xy, cov = s.xy_m.copy(), s.covariance_m2.copy()
-    xy[~known], cov[~known] = np.nan, np.nan
-    new = Table(
-        np.arange(n),
-        s.track,
-        class_numbers(s.class_name),
-        s.time_s,
-        s.frame,
-        np.where(known, s.time_s, np.nan),
-        xy,
-        cov,
+    return TrackRows(
+        source=np.arange(len(s)),
+        track=s.track,
+        kind=class_numbers(s.class_name),
+        time_s=s.time_s,
+        frame=s.frame,
+        measured_s=np.where(known, s.time_s, np.nan),
+        xy_m=np.where(known[:, None], s.xy_m, np.nan),
+        covariance_m2=np.where(known[:, None, None], s.covariance_m2, np.nan),
     )
-    mark, no = np.full(k, REMEMBERED), np.full((k, 2), np.nan)
-    nothing = np.full((k, 2, 2), np.nan)
-    old = Table(mark, m.track, m.kind, m.time_s, m.frame, m.measured_s, no, nothing)
-    return _concatenated(old, new)
 
 
-def _concatenated(a: Table, b: Table) -> Table:
-    names = (f.name for f in fields(Table))
-    return Table(**{name: np.concatenate([getattr(a, name), getattr(b, name)]) for name in names})
+def _remembered(m: Memory) -> TrackRows:
+    k = len(m)
+    return TrackRows(
+        source=np.full(k, REMEMBERED),
+        track=m.track,
+        kind=m.kind,
+        time_s=m.time_s,
+        frame=m.frame,
+        measured_s=m.measured_s,
+        xy_m=np.full((k, 2), np.nan),
+        covariance_m2=np.full((k, 2, 2), np.nan),
+    )
 
 
-def _check_order(found: Table) -> None:
+def _check_order(found: TrackRows) -> None:
     same = np.diff(found.track) == 0
     wrong = same & ~((np.diff(found.time_s) > 0) & (np.diff(found.frame) > 0))
     if wrong.any():
@@ -185,24 +174,26 @@ def _check_order(found: Table) -> None:
         )
 
 
-def _bridges(found: Table, clock: Clock, max_gap_s: float) -> Table:
+def _bridges(
+    found: TrackRows, frame: np.ndarray, frame_time_s: np.ndarray, max_gap_s: float
+) -> TrackRows:
     """Rows for the frames between two measured positions of a track."""
     known = np.flatnonzero(np.isfinite(found.measured_s))
     a, b = known[:-1], known[1:]
     near = found.measured_s[b] - found.measured_s[a] <= max_gap_s
     near &= found.track[a] == found.track[b]
     a, b = a[near], b[near]
-    low = np.searchsorted(clock.frame, found.frame[a], "right")
-    count = np.maximum(np.searchsorted(clock.frame, found.frame[b], "left") - low, 0)
+    low = np.searchsorted(frame, found.frame[a], "right")
+    count = np.maximum(np.searchsorted(frame, found.frame[b], "left") - low, 0)
     start = np.repeat(low - np.concatenate([[0], np.cumsum(count)[:-1]])[: len(low)], count)
     at, n = start + np.arange(len(start)), len(start)
-    return Table(
-        np.full(n, BRIDGED),
-        np.repeat(found.track[a], count),
-        np.repeat(found.kind[a], count),
-        clock.time_s[at],
-        clock.frame[at],
-        np.full(n, np.nan),
-        np.full((n, 2), np.nan),
-        np.full((n, 2, 2), np.nan),
+    return TrackRows(
+        source=np.full(n, BRIDGED),
+        track=np.repeat(found.track[a], count),
+        kind=np.repeat(found.kind[a], count),
+        time_s=frame_time_s[at],
+        frame=frame[at],
+        measured_s=np.full(n, np.nan),
+        xy_m=np.full((n, 2), np.nan),
+        covariance_m2=np.full((n, 2, 2), np.nan),
     )

@@ -6,8 +6,7 @@ Rauch-Tung-Striebel smoother computes (Rauch, Tung and Striebel, 1965), for all 
 neighbours counts less, and vehicles that stand are held in place.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -15,9 +14,16 @@ from jaxtyping import Bool, Float, Int
 from scene4d.core.columns import Columns
 from scene4d.core.errors import InputError
 from scene4d.core.tracks import CLASSES
-from scene4d.tracking.motion_chain import Chain, Moments, Prior
+from scene4d.tracking.chain import Chain
 from scene4d.tracking.motion_model import GROUP, PERSON_GROUP, class_numbers
-from scene4d.tracking.sightings import BRIDGED, REMEMBERED, Clock, Memory, Sightings, table
+from scene4d.tracking.sightings import (
+    BRIDGED,
+    REMEMBERED,
+    Memory,
+    Sightings,
+    TrackRows,
+    in_order,
+)
 
 
 @dataclass(frozen=True)
@@ -69,25 +75,14 @@ class Smoothed(Columns):
     standing: Bool[np.ndarray, "n"]
     observed: Bool[np.ndarray, "n"]
 
-    @classmethod
-    def concatenate(cls, parts: Sequence["Smoothed"]) -> "Smoothed":
-        """One table of several, one behind the other; raises on an empty list."""
-        names = [f.name for f in fields(cls)]
-        return cls(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
-
 
 @dataclass(frozen=True, eq=False)
-class Rows:
-    """Sightings, bridged frames and remembered states by (track, time), with what they became.
-
-    ``source`` is the row of the sightings, or one of the two marks above; ``placed`` rows have a
-    position. ``factor`` is how many times its stated variance a sighting was given.
+class Estimates:
+    """Rows with what they became: ``placed`` ones have a position. ``factor`` is how many times its
+    stated variance a sighting was given.
     """
 
-    source: Int[np.ndarray, "n"]
-    frame: Int[np.ndarray, "n"]
-    measured_s: Float[np.ndarray, "n"]
-    moments: Moments
+    rows: TrackRows
     placed: Bool[np.ndarray, "n"]
     standing: Bool[np.ndarray, "n"]
     factor: Float[np.ndarray, "n"]
@@ -110,74 +105,74 @@ def smooth(
     frames and times are not ascending, and for a class that no scene holds.
     """
     s = SmoothingSettings() if settings is None else settings
-    clock = Clock.of(frame_time_s, frame)
-    rows = smooth_rows(sightings, clock, Memory.none(), s)
+    if (frame_time_s is None) != (frame is None):
+        raise InputError("smoothing: give frame_time_s and frame together")
+    if frame_time_s is None or frame is None:
+        frame_time_s, frame = np.empty(0), np.empty(0, np.int64)
+    found = estimate(sightings, frame, frame_time_s, Memory.none(), s)
     counts = np.zeros((len(np.unique(sightings.track)), len(CLASSES)), np.int64)
     track, at = np.unique(sightings.track, return_inverse=True)
     np.add.at(counts, (at, class_numbers(sightings.class_name)), 1)
-    return finished(rows, np.ones(len(rows.source), bool), track, counts, s)
+    return finished(found, np.ones(len(found.rows), bool), track, counts)
 
 
-def smooth_rows(sightings: Sightings, clock: Clock, memory: Memory, s: SmoothingSettings) -> Rows:
+def estimate(
+    sightings: Sightings,
+    frame: Int[np.ndarray, "m"],
+    frame_time_s: Float[np.ndarray, "m"],
+    memory: Memory,
+    s: SmoothingSettings,
+) -> Estimates:
     """All rows with their states; see :func:`smooth`."""
-    found = table(sightings, clock, memory, s.max_gap_s)
-    placed = found.placed(s.max_gap_s)
-    remembered = found.source == REMEMBERED
-    used = placed | remembered
-    prior = Prior(np.flatnonzero(remembered[used]), memory.mean, memory.covariance)
-    moments = found.moments
-    standing, factor, mean, cov = _estimate(moments.select(used), prior, s)
-    n = len(used)
-    rows = Rows(
-        source=found.source,
-        frame=found.frame,
-        measured_s=found.measured_s,
-        moments=moments,
-        placed=placed,
+    rows = in_order(sightings, frame, frame_time_s, memory, s.max_gap_s)
+    placed, n = rows.placed(s.max_gap_s), len(rows)
+    used = placed | (rows.source == REMEMBERED)
+    found = Estimates(
+        rows,
+        placed,
         standing=np.zeros(n, bool),
         factor=np.ones(n),
         mean=np.full((n, 6), np.nan),
         covariance=np.full((n, 6, 6), np.nan),
     )
-    rows.standing[used], rows.factor[used] = standing, factor
-    rows.mean[used], rows.covariance[used] = mean, cov
-    return rows
+    found.standing[used], found.factor[used], found.mean[used], found.covariance[used] = _solved(
+        rows.select(used), memory, s
+    )
+    return found
 
 
-def remembered(rows: Rows, memory: Memory, until_s: float) -> Memory:
+def remembered(found: Estimates, memory: Memory, until_s: float) -> Memory:
     """Of every track the state of its last row until then, given what was seen until then."""
-    old = rows.source == REMEMBERED
-    used = (rows.placed | old) & (rows.moments.time_s <= until_s)
+    used = found.placed | (found.rows.source == REMEMBERED)
+    used &= found.rows.time_s <= until_s
     if not used.any():
         return Memory.none()
-    m = rows.moments.select(used)
-    chain = Chain(m, Prior(np.flatnonzero(old[used]), memory.mean, memory.covariance))
-    mean, cov = chain.solve(rows.standing[used], rows.factor[used], covariance=True)
+    rows = found.rows.select(used)
+    chain = Chain(rows, memory)
+    mean, cov = chain.solve(found.standing[used], found.factor[used], covariance=True)
     assert cov is not None  # it was asked for
-    number = np.arange(len(m.track))
-    knows = np.isfinite(rows.measured_s[used])
     # Every track begins with a row that knows a position.
-    measured_s = rows.measured_s[used][np.maximum.accumulate(np.where(knows, number, 0))]
-    last = np.append(m.first[1:], True)
+    knows = np.where(np.isfinite(rows.measured_s), np.arange(len(rows)), 0)
+    last = np.append(rows.first[1:], True)
     return Memory(
-        track=m.track[last],
-        kind=m.kind[last],
-        time_s=m.time_s[last],
-        frame=rows.frame[used][last],
-        measured_s=measured_s[last],
+        track=rows.track[last],
+        kind=rows.kind[last],
+        time_s=rows.time_s[last],
+        frame=rows.frame[last],
+        measured_s=rows.measured_s[np.maximum.accumulate(knows)][last],
         mean=mean[last],
         covariance=cov[last],
     )
 
 
-def _estimate(
-    moments: Moments, prior: Prior, s: SmoothingSettings
+def _solved(
+    rows: TrackRows, memory: Memory, s: SmoothingSettings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Which rows stand, factors of variance, states and their covariance."""
-    chain = Chain(moments, prior)
-    n = len(moments.track)
+    chain = Chain(rows, memory)
+    n = len(rows)
     standing, factor = np.zeros(n, bool), np.ones(n)
-    vehicle = GROUP[moments.kind] != PERSON_GROUP
+    vehicle = GROUP[rows.kind] != PERSON_GROUP
     for _ in range(2):
         mean, _ = chain.solve(standing, factor, covariance=False)
         factor = np.maximum(1.0, chain.misfit(mean[:, :2]) / s.outlier_sigma**2)
@@ -186,22 +181,22 @@ def _estimate(
     if vehicle.any():
         # Twice: what was pinned the first time shows that it did not move in between either.
         for _ in range(2):
-            standing = vehicle & stands(moments, mean[:, :2], s)
+            standing = vehicle & _stands(rows, mean[:, :2], s)
             mean, _ = chain.solve(standing, factor, covariance=False)
     mean, cov = chain.solve(standing, factor, covariance=True)
     assert cov is not None  # it was asked for
     return standing, factor, mean, cov
 
 
-def stands(
-    moments: Moments, xy_m: Float[np.ndarray, "n 2"], s: SmoothingSettings
+def _stands(
+    rows: TrackRows, xy_m: Float[np.ndarray, "n 2"], s: SmoothingSettings
 ) -> Bool[np.ndarray, "n"]:
     """Rows about which the track moves no further than the settings say."""
-    first = moments.first
+    first = rows.first
     number = np.cumsum(first) - 1
     begin, end = np.flatnonzero(first), np.flatnonzero(np.append(first[1:], True))
     # One line of time for all tracks, far apart.
-    time = moments.time_s - moments.time_s[begin][number]
+    time = rows.time_s - rows.time_s[begin][number]
     length = time[end]
     offset = np.concatenate([[0.0], np.cumsum(length + 1.0)[:-1]])[number] if len(time) else time
     # At its ends a track has the window that just fits.
@@ -214,45 +209,44 @@ def stands(
         moved[:, axis] = at_high - np.interp(low + offset, time + offset, xy_m[:, axis])
     distance = np.hypot(moved[:, 0], moved[:, 1])
     # Rows without a sighting take the covariance of the last one.
-    measured = np.isfinite(moments.xy_m[:, 0])
+    measured = np.isfinite(rows.xy_m[:, 0])
     last = np.maximum.accumulate(np.where(measured, np.arange(len(measured)), begin[number]))
-    sigma = np.sqrt(np.trace(moments.covariance_m2[last], axis1=1, axis2=2) / 2)
+    sigma = np.sqrt(np.trace(rows.covariance_m2[last], axis1=1, axis2=2) / 2)
     limit = np.fmax(s.standing_move_m, s.standing_move_sigma * sigma)
     share = (high - low) / window
     return (share >= 0.5) & (distance < share * np.minimum(limit, s.standing_most_m))
 
 
 def finished(
-    rows: Rows,
+    found: Estimates,
     wanted: Bool[np.ndarray, "n"],
     track: Int[np.ndarray, "t"],
     counts: Int[np.ndarray, "t c"],
-    s: SmoothingSettings,
 ) -> Smoothed:
     """The wanted rows as they go out. ``counts`` (t, classes) says how often each ``track`` (t,),
     ascending, was seen as what.
     """
-    place = np.searchsorted(track, rows.moments.track)
-    keep = wanted & (rows.source != REMEMBERED)
+    keep = wanted & (found.rows.source != REMEMBERED)
+    rows = found.rows.select(keep)
     names = np.array(CLASSES)[counts.argmax(axis=1)]
-    mean, cov, placed = rows.mean[keep], rows.covariance[keep], rows.placed[keep]
+    mean, cov, placed = found.mean[keep], found.covariance[keep], found.placed[keep]
     mean[~placed], cov[~placed] = np.nan, np.nan
     velocity, velocity_cov = mean[:, 2:4], cov[:, 2:4, 2:4]
     heading, sigma = _headings(velocity, velocity_cov)
     return Smoothed(
-        source=rows.source[keep],
-        track=rows.moments.track[keep],
-        class_name=names[place[keep]],
-        time_s=rows.moments.time_s[keep],
-        frame=rows.frame[keep],
+        source=rows.source,
+        track=rows.track,
+        class_name=names[np.searchsorted(track, rows.track)],
+        time_s=rows.time_s,
+        frame=rows.frame,
         xy_m=mean[:, :2],
         covariance_m2=cov[:, :2, :2],
         velocity_mps=velocity,
         velocity_covariance=velocity_cov,
         heading_rad=heading,
         heading_sigma_rad=sigma,
-        standing=rows.standing[keep],
-        observed=rows.source[keep] != BRIDGED,
+        standing=found.standing[keep],
+        observed=rows.source != BRIDGED,
     )
 
 
