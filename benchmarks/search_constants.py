@@ -15,8 +15,6 @@ from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
-from scene4d.evaluation.activity_scores import average_precision
-
 from scene4d.core.progress import Silent
 from scene4d.evaluation.datasets import meva
 from scene4d.evaluation.options import TUNED
@@ -41,9 +39,8 @@ def precision(clips: Sequence[meva.Clip]) -> float:
     found = []
     for activity in labelled_activities().values():
         ranked = ranked_by(OURS, united, seen, activity)
-        score = None if ranked is None else average_precision(ranked)
-        if score is not None:
-            found.append(score)
+        if ranked is not None and ranked.average_precision is not None:
+            found.append(ranked.average_precision)
     return sum(found) / len(found)
 
 
