@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
+from scene4d.searching.predicates import meeting
 from scene4d.searching.predicates.crowd import crowded
 from scene4d.searching.predicates.meeting import earlier, meetings, runs
 
@@ -79,6 +80,23 @@ def test_a_margin_brings_the_moments_before():
     assert set(near) < set(wide)
     assert wide.min() <= 110 / 0.3 - 2 / 0.3 - 50
     assert near.min() > 300
+
+
+def test_a_long_margin_takes_no_more_work_than_there_are_moments(monkeypatch):
+    """Two who are always near: around each of their pieces lie all the others."""
+    made = []
+    original = meeting.expand
+
+    def counting(first, count):
+        made.append(int(count.sum()))
+        return original(first, count)
+
+    monkeypatch.setattr(meeting, "expand", counting)
+    world = stage(*(track(n, stay([n, 0], 600)) for n in range(2)))
+    everybody = np.arange(len(world.tracks))
+    i, _ = meetings(world, everybody, everybody, reach_m=2.0, margin=10_000)
+    assert len(i) == len(everybody) == 6_000
+    assert max(made) == 6_000
 
 
 def test_far_apart_costs_nothing():

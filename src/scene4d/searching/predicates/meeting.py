@@ -54,12 +54,11 @@ def meetings(
         i, j = i[other], j[other]
     if len(i) == 0:
         return none, none
-    piece_a = _with_neighbours(pieces_a, i, pieces_b.track[j], margin)
-    check_count(int(pieces_a.count[piece_a[0]].sum()), 2)
-    owner, position = expand(pieces_a.first[piece_a[0]], pieces_a.count[piece_a[0]])
+    piece, track_b = _with_neighbours(pieces_a, i, pieces_b.track[j], margin)
+    check_count(int(pieces_a.count[piece].sum()), 2)
+    owner, position = expand(pieces_a.first[piece], pieces_a.count[piece])
     row_a = a[position]
-    track_b = piece_a[1][owner]
-    row_b = stage.row_at(track_b, stage.tick[row_a] - lag)
+    row_b = stage.row_at(track_b[owner], stage.tick[row_a] - lag)
     there = row_b >= 0
     if len(b) < len(stage.tick):
         allowed = np.zeros(len(stage.tick), bool)
@@ -166,18 +165,21 @@ def _close(
 def _with_neighbours(
     pieces: _Pieces, i: Int[np.ndarray, "p"], track_b: Int[np.ndarray, "p"], margin: int
 ) -> tuple[Int[np.ndarray, "w"], Int[np.ndarray, "w"]]:
-    """Pieces of ``a`` with a track of ``b``, and those up to ``margin`` moments around; ordered."""
+    """Pieces of ``a`` with a track of ``b``, and those up to ``margin`` moments around, each once;
+    ordered by (track of a, track of b, window).
+    """
     around = min(-(-margin // _PIECE), len(pieces.track))
-    if around:
-        key = _window_key(pieces, pieces.track, pieces.window)
-        track, window = pieces.track[i], pieces.window[i]
-        begin = np.searchsorted(key, _window_key(pieces, track, window - around))
-        end = np.searchsorted(key, _window_key(pieces, track, window + around), side="right")
-        owner, i = expand(begin, end - begin)
-        track_b = track_b[owner]
-    order = np.lexsort((i, track_b, pieces.track[i]))
-    order = order[runs(track_b[order], i[order])]
-    return i[order], track_b[order]
+    key = _window_key(pieces, pieces.track, pieces.window)
+    track_a, window = pieces.track[i], pieces.window[i]
+    begin = np.searchsorted(key, _window_key(pieces, track_a, window - around))
+    end = np.searchsorted(key, _window_key(pieces, track_a, window + around), side="right")
+    order = np.lexsort((begin, track_b, track_a))
+    begin, end, track_a, track_b = begin[order], end[order], track_a[order], track_b[order]
+    # Within a pair of tracks both ends ascend: what overlaps the range before is left to that.
+    same = (track_a[1:] == track_a[:-1]) & (track_b[1:] == track_b[:-1])
+    begin[1:] = np.where(same, np.maximum(begin[1:], end[:-1]), begin[1:])
+    owner, piece = expand(begin, end - begin)
+    return piece, track_b[owner]
 
 
 def _window_key(
