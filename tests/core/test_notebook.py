@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene4d.core import geometry
+from scene4d.core.body import COCO17
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.notebook import camera_svg, plan_svg
@@ -176,3 +177,10 @@ def test_showing_a_camera_loads_nothing_heavy():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_keypoints_keep_their_names():
+    """H3: what takes tracks had to know by itself which keypoints they hold."""
+    assert tracks().keypoint_names == ("nose", "left_eye")
+    coco = replace(tracks(), keypoint_uv=np.zeros((6, 17, 2)), keypoint_score=np.zeros((6, 17)))
+    assert coco.keypoint_names == COCO17

@@ -7,6 +7,7 @@ import pytest
 import supervision as sv
 from hypothesis import assume, given
 
+import scene4d
 from scene4d.core.camera import Camera, Lens
 from scene4d.core.errors import InputError
 from scene4d.core.ground_map import GroundMap
@@ -127,3 +128,19 @@ def test_an_image_size_of_whole_numbers_is_two_integers(tmp_path, size):
 def test_what_is_no_image_size_is_refused(size):
     with pytest.raises(InputError, match=r"image_size must be \(width, height\) in whole pixels"):
         Lens(size, K)
+
+
+def test_solve_camera_takes_what_users_have(tmp_path):
+    """W7: an image size of any whole numbers; what comes of it can be saved."""
+    rng = np.random.default_rng(0)
+    where = rng.uniform([-4, 8], [4, 25], (60, 2))
+    truth = build_camera(build_lens((1280, 720), 60.0), 20.0, 2.0, 6.0)
+    feet, _ = truth.project(np.column_stack([where, np.full(60, 0.04)]))
+    heads, _ = truth.project(np.column_stack([where, rng.normal(1.70, 0.09, 60)]))
+    expected = scene4d.solve_camera(feet, heads, image_size=(1280, 720))
+    for size in ([1280, 720], np.array([1280.0, 720.0])):
+        found = scene4d.solve_camera(feet, heads, image_size=size)
+        assert found.image_size == (1280, 720) and type(found.image_size[0]) is int
+        np.testing.assert_array_equal(found.camera.P, expected.camera.P)
+        found.save(tmp_path / "camera.json")
+        assert scene4d.Calibration.load(tmp_path / "camera.json").people == 60

@@ -20,6 +20,7 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Segments
+from scene4d.core.points import ImageSize, as_image_size
 
 TRACK_CORRELATION = 0.12
 """Of one person's errors across the body in different places (gait, posture); PETS has 0.11
@@ -33,7 +34,7 @@ def solve_camera(
     foot_uv: Float[np.ndarray, "n 2"],
     head_uv: Float[np.ndarray, "n 2"],
     *,
-    image_size: tuple[int, int],
+    image_size: ImageSize,
     person_height_m: float = PERSON_HEIGHT_M,
     foot_height_m: float = FOOT_HEIGHT_M,
     track: Int[np.ndarray, "n"] | None = None,
@@ -79,7 +80,7 @@ def solve_camera(
 
 def solve_segments(
     segments: Segments,
-    image_size: tuple[int, int],
+    image_size: ImageSize,
     options: CalibrateOptions,
     *,
     edges_xyxy: Float[np.ndarray, "m 4"] | None = None,
@@ -93,8 +94,7 @@ def solve_segments(
     """
     if options.method == "paper" and options.known_orientation is None:
         raise InputError("the paper's method needs an orientation: pass one, or read the network's")
-    if min(image_size) < 1:
-        raise InputError(f"image_size must be positive, found {image_size}")
+    image_size = as_image_size(image_size)
     case = Case(segments, ImageFrame(image_size, options.known_lens), options)
     usable = case.usable
     if usable.sum() < verdict.MIN_PEOPLE:

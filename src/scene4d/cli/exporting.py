@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scene4d.core.body import HALPE26
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 
@@ -82,7 +81,7 @@ def _pieces(scene: "Scene", points: Sequence[GroundPoint]) -> "Iterator[SceneTab
             camera=run.camera,
             image_size=camera.image_size,
             start_utc=start if run.start_known else None,
-            keypoint_names=HALPE26[: run.keypoints],
+            keypoint_names=tracks.keypoint_names,
             geo=geo,
         )
 

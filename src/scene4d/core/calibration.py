@@ -13,7 +13,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.files import write_json
 from scene4d.core.json_object import JsonObject
 from scene4d.core.people import Segments
-from scene4d.core.points import PointsLike, as_points
+from scene4d.core.points import ImageSize, PointsLike, as_image_size, as_points
 
 PARAMETERS: tuple[str, ...] = (
     "log_focal",
@@ -56,7 +56,7 @@ class Calibration:
 
     status: str
     method: str
-    image_size: tuple[int, int]
+    image_size: ImageSize
     person_height_m: float
     camera: Camera | None = None
     covariance: Float[np.ndarray, "5 5"] | None = None
@@ -75,6 +75,7 @@ class Calibration:
 
     def __post_init__(self) -> None:
         """``people`` and ``inliers`` (numbers of sightings) are those of the segments, if given."""
+        object.__setattr__(self, "image_size", as_image_size(self.image_size))
         if self.segments is not None:
             object.__setattr__(self, "people", len(self.segments))
             inliers = 0 if self.inlier is None else int(self.inlier.sum())

@@ -2,21 +2,17 @@
 
 import os
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
 
 import numpy as np
 
 from scene4d.core.errors import InputError
-from scene4d.core.files import read_json
+from scene4d.core.json_object import JsonObject
+from scene4d.core.text import prefixed
 
 _FIELDS = ("focal_px", "tilt_deg", "roll_deg")
-
-
-def _number(name: str, value: Any) -> float:
-    try:
-        return float(value)
-    except (TypeError, ValueError, OverflowError):
-        raise InputError(f"orientation: {name} must be a number, found {value!r}") from None
+_WRITTEN = ("schema", "version", "warnings", "error", "vfov_deg", "frames")
+"""What ``scene4d orientation --json`` writes besides."""
 
 
 @dataclass(frozen=True)
@@ -65,25 +61,26 @@ class Orientation:
     def load(cls, path: str | os.PathLike[str]) -> "Orientation":
         """Read ``{"focal_px", "tilt_deg", "roll_deg", "sigma": {...}}``; sigma is optional.
 
-        Raises :class:`InputError` naming the file and the field; unknown fields are let pass
-        only where ``scene4d orientation --json`` writes them.
+        Raises :class:`InputError` naming the file and the field, also one that is not known here
+        and that ``scene4d orientation --json`` does not write.
         """
-        values = read_json(path)
-        if not isinstance(values, dict):
-            raise InputError(f"{path}: expected an object with {', '.join(_FIELDS)}")
-        sigma = {} if values.get("sigma") is None else values["sigma"]
-        unknown = set(values) - {*_FIELDS, "sigma", "vfov_deg", "frames"}
-        if not isinstance(sigma, dict):
-            raise InputError(f"{path}: field 'sigma' must be an object")
-        unknown |= set(sigma) - {*_FIELDS, "vfov_deg"}
-        if unknown:
-            raise InputError(f"{path}: unknown field {sorted(unknown)[0]!r}; known: {_FIELDS}")
+        fields = JsonObject.read(path)
+        fields.only((*_FIELDS, "sigma", *_WRITTEN))
+        numbers = [fields.number(name) for name in _FIELDS]
+        spread = [0.0, 0.0, 0.0]
+        if "sigma" in fields:
+            sigma = fields.object("sigma")
+            sigma.only((*_FIELDS, "vfov_deg"))
+            spread = [_sigma(sigma, name) for name in _FIELDS]
+        scale = np.array([1.0, np.pi / 180, np.pi / 180])
         try:
-            numbers = [_number(name, values[name]) for name in _FIELDS]
-            spread = [_number(f"sigma {name}", sigma.get(name, 0.0)) for name in _FIELDS]
-            scale = np.array([1.0, np.pi / 180, np.pi / 180])
             return cls(*(numbers * scale), *(spread * scale))
-        except KeyError as error:
-            raise InputError(f"{path}: field {error} is missing") from error
         except InputError as error:
-            raise InputError(f"{path}: {error}") from error
+            raise prefixed(error, Path(path)) from error
+
+
+def _sigma(fields: JsonObject, name: str) -> float:
+    """0 where it is missing; infinity means unknown."""
+    if name not in fields:
+        return 0.0
+    return np.inf if fields.value(name) == np.inf else fields.number(name, least=0.0)

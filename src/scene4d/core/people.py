@@ -6,10 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from scene4d.core.body import COCO17 as COCO17
 from scene4d.core.body import FOOT_HEIGHT_M
-from scene4d.core.body import HALPE26 as HALPE26
-from scene4d.core.body import PERSON_HEIGHT_M as PERSON_HEIGHT_M
 from scene4d.core.columns import Columns
 from scene4d.core.errors import InputError
 

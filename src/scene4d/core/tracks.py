@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from scene4d.core.body import HALPE26
 from scene4d.core.columns import Columns
 from scene4d.core.errors import InputError
 
@@ -93,6 +94,11 @@ class Tracks(Columns):
 
     def __post_init__(self) -> None:
         self.check_rows("tracks")
+
+    @property
+    def keypoint_names(self) -> tuple[str, ...]:
+        """Names of the keypoints: the first of Halpe's 26, as many as there are."""
+        return HALPE26[: self.keypoint_uv.shape[1]]
 
     def columns(self) -> dict[str, np.ndarray]:
         """1-D columns (n,) under the names that a scene's files have; keypoints are left out."""

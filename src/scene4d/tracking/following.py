@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from scene4d.core.body import HALPE26
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.progress import timed
 from scene4d.core.tracks import VEHICLES, Located, Tracks
@@ -234,6 +236,8 @@ def _seen_at(source: Int[np.ndarray, "n"], held: list[tuple[int, Detections, Loc
         at = source[rows] - first
         found.box_xyxy[rows] = d.box_xyxy[at]
         found.score[rows] = d.score[at]
+        if d.keypoint_names != HALPE26[: len(d.keypoint_names)]:
+            raise InputError("keypoints must be the first of Halpe's 26 (COCO's 17), in order")
         if d.keypoint_names:
             found.keypoint_uv[rows] = d.keypoint_uv[at]
             found.keypoint_score[rows] = d.keypoint_score[at]
