@@ -505,6 +505,14 @@ def test_another_calibration_under_the_same_name(tmp_path):
     store(tmp_path, walk(50), run="q", camera="d", camera_json={})
 
 
+def test_the_same_camera_made_again_is_the_same(tmp_path):
+    for number, day in enumerate(("2026-11-20", "2026-11-21")):
+        store(tmp_path, walk(50), run=f"r{number}", camera_json=CAMERA | {"made": {"date": day}})
+        elsewhere = CAMERA | {"made": {"date": day}}
+        store(tmp_path / f"other{number}", walk(50), camera_json=elsewhere)
+    assert Scene.open(tmp_path / "other0", tmp_path / "other1")
+
+
 def test_a_dead_first_run_does_not_hold_the_camera(tmp_path):
     die(writer(tmp_path, camera_json={"focal_px": 1.0}))
     store(tmp_path, walk(50))

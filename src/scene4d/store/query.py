@@ -327,8 +327,10 @@ def _check_cameras(stored: Sequence[_Stored]) -> None:
     said: dict[str, tuple[Path, Any]] = {}
     for one in stored:
         path = camera_path(one.folder, one.run.camera)
-        first, calibration = said.setdefault(one.run.camera, (path, read_json(path)))
-        if path != first and read_json(path) != calibration:
+        # When it was made makes it no other camera.
+        told = {name: value for name, value in read_json(path).items() if name != "made"}
+        first, calibration = said.setdefault(one.run.camera, (path, told))
+        if told != calibration:
             raise InputError(
                 f"{path}: camera {one.run.camera!r} has another calibration in {first}; open these "
                 "folders apart"

@@ -244,7 +244,8 @@ class SceneWriter:
         before = read_json(path)
         if not isinstance(before, dict):
             raise InputError(f"{path}: is not a JSON object")
-        other = sorted(k for k in {*before, *calibration} if before.get(k) != calibration.get(k))
+        told = {*before, *calibration} - {"made"}  # when it was made makes it no other camera
+        other = sorted(k for k in told if before.get(k) != calibration.get(k))
         if other:
             raise InputError(
                 f"{path}: camera {self._run.camera!r} has another calibration there "
