@@ -328,7 +328,9 @@ def _check_cameras(stored: Sequence[_Stored]) -> None:
     for one in stored:
         path = camera_path(one.folder, one.run.camera)
         # When it was made makes it no other camera.
-        told = {name: value for name, value in read_json(path).items() if name != "made"}
+        told = read_json(path)
+        if isinstance(told, dict):
+            told = {name: value for name, value in told.items() if name != "made"}
         first, calibration = said.setdefault(one.run.camera, (path, told))
         if told != calibration:
             raise InputError(
