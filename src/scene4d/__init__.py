@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from scene4d.formats.cameras import write_camera as write_camera
     from scene4d.searching import search as search
     from scene4d.store.query import Scene as Scene
+    from scene4d.tracking import track as track
 
     __version__: str
 
@@ -32,6 +33,7 @@ _WHERE = {
     "read_camera": "scene4d.formats.cameras",
     "search": "scene4d.searching",
     "solve_camera": "scene4d.calibration",
+    "track": "scene4d.tracking",
     "write_camera": "scene4d.formats.cameras",
 }
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,15 +28,18 @@ def calibrate(
     options: CalibrateOptions = _DEFAULT,
     *,
     progress: Progress | None = None,
+    **more: Any,
 ) -> Calibration:
     """Calibrate a fixed camera from footage of people walking; the result is false with a reason
     where the camera is undetermined.
 
     ``source`` is a video, an image, a folder of images, a glob or a stream URL; None with the
-    options ``annotations`` and ``image_size``. Raises :class:`InputError` for bad input (a camera
-    that moves is one) and :class:`UnavailableError` where weights cannot be had.
+    options ``annotations`` and ``image_size``. Options are those of :class:`CalibrateOptions`, in
+    one or by their names: ``calibrate("street.mp4", person_height_m=1.65)``. Raises
+    :class:`InputError` for bad input (a camera that moves is one) and
+    :class:`UnavailableError` where weights cannot be had.
     """
-    return run(source, options, progress or Silent()).calibration
+    return run(source, replace(options, **more), progress or Silent()).calibration
 
 
 @dataclass

@@ -38,18 +38,21 @@ def track(
     options: TrackOptions | None = None,
     *,
     progress: Progress | None = None,
+    **more: Any,
 ) -> TrackRun:
     """Follow people and vehicles through footage of a calibrated camera, and write a scene.
 
     ``source`` is a video or a stream, or None with annotations; ``camera`` a camera file or a
-    camera in memory; ``out`` the folder of the scene, which is added to. A run over a video that
+    camera in memory; ``out`` the folder of the scene, which is added to. Options are those of
+    :class:`TrackOptions`, in one or by their names: ``track(video, camera, "scene", rate_hz=5)``.
+    A run over a video that
     was killed goes on after its last complete chunk of footage, and its result is that of a run
     that was not. A stream is watched until it ends or Ctrl-C is pressed; each time is a run of its
     own, and what was seen is part of the scene within half a minute. Raises :class:`InputError` for
     bad input (a camera that moved is one), :class:`UnavailableError` where weights cannot be had,
     and :class:`OutputError` where the scene cannot be written.
     """
-    options = options or TrackOptions()
+    options = replace(options or TrackOptions(), **more)
     seen = options.annotations or source
     if seen is None:
         raise InputError("source: there is nothing to track: give footage, or annotations")
