@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_scenes import SIZE
 
+from cli_scenes import SIZE
 from scene4d.calibration.options import CalibrateOptions
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError

@@ -10,6 +10,7 @@ import sys
 import time
 
 import pytest
+
 from cli_scenes import PROGRAM
 
 WAIT_S = 60

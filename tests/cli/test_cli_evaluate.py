@@ -6,8 +6,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from cli_scenes import SIZE
 
+from cli_scenes import SIZE
 from scene4d.core.camera import Camera
 
 
