@@ -179,12 +179,12 @@ def test_an_estimate_for_other_images_is_refused():
 
 
 def test_the_error_that_a_calibration_expects_is_that_of_its_sampled_cameras():
-    """Two-sided: 300 cameras from the covariance, scored as estimates are."""
+    """Two-sided: 200 cameras from the covariance, scored as estimates are."""
     rng = np.random.default_rng(7)
     mix = rng.normal(size=(5, 5)) * [0.006, 0.002, 0.002, 0.008, 0.003]
     calibration = replace(found(CAMERA), covariance=mix.T @ mix)
     scene = known()
-    steps = rng.multivariate_normal(np.zeros(5), mix.T @ mix, 300)
+    steps = rng.multivariate_normal(np.zeros(5), mix.T @ mix, 200)
     scores = [scene.score(CAMERA.disturbed(step)).rms_m for step in steps]
     rms = float(np.sqrt(np.mean(np.square(scores))))
     assert scene.predicted_m(calibration) == pytest.approx(rms, rel=0.15)

@@ -139,7 +139,7 @@ class Reference:
         """Root-mean-square error that the calibration itself predicts for :meth:`score`.
 
         At the same points and after the same alignment, from its covariance alone. NaN where a
-        point has none.
+        point has none. Raises :class:`InputError` for a calibration without a covariance.
         """
         uv = self._calibrated_uv(self.points_uv, undistorted)
         covariance, _ = found.ground_covariance(uv, aligned_over_uv=uv)
