@@ -1,4 +1,4 @@
-"""How good probabilities are: ROC and AUC, reliability, Brier score."""
+"""Measures of scores and probabilities: ROC and AUC, reliability, Brier score."""
 
 from dataclasses import dataclass
 

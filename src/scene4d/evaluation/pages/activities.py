@@ -6,22 +6,12 @@ from typing import Any
 
 from scene4d.drawing.page import Shown, data_uri, rendered, seconds_text
 from scene4d.drawing.words import number
+from scene4d.evaluation.pages.table import Cell
 from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation
 
-_NONE = "–"
-
 
 @dataclass(frozen=True)
-class Cell:
-    """A number under its column; ``best`` of its kind in the line."""
-
-    label: str
-    text: str
-    best: bool = False
-
-
-@dataclass(frozen=True)
-class Line:
+class ActivityLine:
     """One activity; the cells go by measure, and within it by method."""
 
     activity: str
@@ -38,7 +28,7 @@ def measures() -> tuple[str, ...]:
     )
 
 
-def lines(evaluation: ActivityEvaluation) -> list[Line]:
+def lines(evaluation: ActivityEvaluation) -> list[ActivityLine]:
     """The table: activities that are labelled, then the mean."""
     made = []
     for name, names in evaluation.activities.items():
@@ -49,9 +39,11 @@ def lines(evaluation: ActivityEvaluation) -> list[Line]:
         groups += [[outcome.missed_at(rate) for outcome in outcomes] for rate in FALSE_PER_MINUTE]
         known = ", ".join(n for n in names if n != name)
         cells = _cells(evaluation, groups)
-        made.append(Line(name.replace("_", " "), known, str(evaluation.labels[name]), cells))
+        made.append(
+            ActivityLine(name.replace("_", " "), known, str(evaluation.labels[name]), cells)
+        )
     means = [[evaluation.mean_average_precision(method.name) for method in evaluation.methods]]
-    made.append(Line("mean", "", "", _cells(evaluation, means)))
+    made.append(ActivityLine("mean", "", "", _cells(evaluation, means)))
     return made
 
 
@@ -62,11 +54,13 @@ def _cells(evaluation: ActivityEvaluation, groups: list[list[float | None]]) -> 
         known = [value for value in values if value is not None]
         best = (max(known) if k == 0 else min(known)) if len(set(known)) > 1 else None
         for method, value in zip(evaluation.methods, values, strict=True):
-            text = _NONE if value is None else number(value, 2)
-            cells.append(
-                Cell(f"{measure}, {method.name}", text, value is not None and value == best)
-            )
+            label = f"{measure}, {method.name}"
+            cells.append(_cell(label, value, best))
     return tuple(cells)
+
+
+def _cell(label: str, value: float | None, best: float | None) -> Cell:
+    return Cell(label) if value is None else Cell(label, number(value, 2), best=value == best)
 
 
 def verdict(evaluation: ActivityEvaluation) -> str:

@@ -19,8 +19,8 @@ _CAMERA = ("focal length", "tilt", "height")
 @dataclass(frozen=True)
 class Cell:
     """One cell. ``label`` names its column where the table is shown as cards, ``note`` is the
-    number of a footnote, ``told`` says that the value was given, not estimated, and ``off`` is its
-    difference from the truth.
+    number of a footnote, ``told`` says that the value was given, not estimated, ``off`` is its
+    difference from the truth, and ``best`` marks the best of its kind in the line.
     """
 
     label: str
@@ -29,6 +29,7 @@ class Cell:
     note: int | None = None
     told: bool = False
     off: str = ""
+    best: bool = False
 
 
 @dataclass(frozen=True)

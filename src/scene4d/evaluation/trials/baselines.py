@@ -1,4 +1,4 @@
-"""What a search is compared with: the same activities in pixels, and P(near) alone."""
+"""Baselines of a search: the same activities in pixels, and P(near) alone."""
 
 from dataclasses import replace
 
@@ -11,18 +11,21 @@ from scene4d.searching.predicates.stage import Stage
 
 _NEAR = "near"
 _WINDOW_S = 1.0
-"""Velocities in the picture come from a straight line through so much of a track."""
+"""Velocities in the image are slopes of a straight line through this much of a track. Chosen by
+hand on the tuning cameras: shorter windows are noisier, longer ones blur a turn."""
 NOISE_SHARE = 0.02
-"""How far the foot of a box is off, as a share of the box's height."""
+"""Standard deviation of a box's foot, as a share of the box's height. Chosen by hand on the tuning
+cameras."""
 _SLOW_SIGMAS = 3.0
-"""What moves by less than so many standard deviations has no heading of its own."""
+"""An object that moves by less than this many standard deviations has no heading of its own: the
+usual three."""
 
 
 def near_alone(activity: Activity) -> Activity | None:
     """The activity without any predicate but ``near``, in the phases that have it.
 
-    They last as long as they like, and at least as long as they must; the pause before a phase
-    grows by what is left out between. None where nothing is said of a distance.
+    Each lasts at least its minimum, with no maximum; the pause before a phase grows by the phases
+    that are left out before it. None for an activity without ``near``.
     """
     kept: list[Phase] = []
     gap_s = 0.0
@@ -41,11 +44,11 @@ def near_alone(activity: Activity) -> Activity | None:
 
 
 def in_pixels(stage: Stage, metres_per_px: float) -> Stage:
-    """The stage as if the picture were the ground: x to the right, y up, feet of the boxes.
+    """The stage with the image as ground: x to the right, y up, positions at the feet of the boxes.
 
-    One factor for all pictures makes metres of pixels, so that the same activities can be searched
+    One factor turns pixels into metres everywhere, so that the same activities can be searched
     for. Velocities are slopes over :data:`_WINDOW_S`, headings those of the motion (the last one
-    where somebody stands), errors :data:`NOISE_SHARE` of the box. Where nobody was seen all is NaN.
+    where somebody stands), errors :data:`NOISE_SHARE` of the box. Rows without a box are NaN.
     Raises :class:`InputError` where the factor is not positive.
     """
     if not metres_per_px > 0:
@@ -100,7 +103,7 @@ def _slopes(
 def _headings(
     velocity: Float[np.ndarray, "n 2"], sigma: Float[np.ndarray, "n"], track: Int[np.ndarray, "n"]
 ) -> dict[str, np.ndarray]:
-    """Heading of the motion, of the last motion where there is none, else of the next."""
+    """Heading of the motion; where there is none, that of the last motion, else of the next."""
     speed = np.hypot(*velocity.T)
     moving = np.flatnonzero(speed > _SLOW_SIGMAS * sigma)
     heading, heading_sigma = np.full((2, len(track)), np.nan)

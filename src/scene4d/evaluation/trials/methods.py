@@ -12,7 +12,7 @@ from scene4d.evaluation.datasets.reference import Reference
 from scene4d.evaluation.trials.outcomes import PAPER_HEIGHTS_M, Outcome, Setting
 
 HEIGHTS_M = tuple(sorted({*PAPER_HEIGHTS_M, PERSON_HEIGHT_M}))
-"""Mean heights at which everything is tried: the paper's, and our default."""
+"""Mean heights of people at which everything is tried: the paper's, and our default."""
 _SHORT_FOCAL = (0.85, 0.70)
 """Focal length over the truth, to span the short focal lengths that the paper
 reports of its network. Chosen by hand."""
