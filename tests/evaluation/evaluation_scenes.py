@@ -12,6 +12,7 @@ from scene4d.core.camera import Camera
 from scene4d.core.ground_map import GroundMap
 from scene4d.core.people import Segments
 from scene4d.drawing.scenery import image_of, in_frame
+from scene4d.drawing.style import Drawn
 from scene4d.evaluation import Reference
 from scene4d.evaluation.pages.page import draw_evaluation
 from scene4d.evaluation.trials.outcomes import PAPER_HEIGHTS_M, Evaluation, Outcome, Setting
@@ -98,7 +99,7 @@ def whole() -> Evaluation:
 
 
 @cache
-def drawn() -> dict[str, bytes]:
+def drawn() -> dict[str, Drawn]:
     return draw_evaluation(whole())
 
 

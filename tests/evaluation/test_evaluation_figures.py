@@ -38,7 +38,7 @@ def test_all_figures_are_there_in_order(drawn):
 
 @pytest.mark.parametrize("name", ALL)
 def test_figures_are_pictures_and_nothing_is_cut_off(drawn, name):
-    pixels = cv2.imdecode(np.frombuffer(drawn[name], np.uint8), cv2.IMREAD_COLOR)
+    pixels = cv2.imdecode(np.frombuffer(drawn[name].png, np.uint8), cv2.IMREAD_COLOR)
     assert 700 <= pixels.shape[1] <= 1300 and 400 <= pixels.shape[0] <= 1400
     assert pixels.reshape(-1, 3).std(axis=0).min() > 10
     assert (pixels[-3:] == 255).all(), "something is cut off at the lower edge"

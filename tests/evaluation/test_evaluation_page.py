@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import report_scenes
+from scene4d.drawing.style import Drawn
 from scene4d.evaluation.pages.headline import headlines
 from scene4d.evaluation.pages.page import draw_evaluation, render_evaluation
 from scene4d.evaluation.pages.table import Line, table
@@ -46,7 +47,7 @@ class Text(HTMLParser):
             self.text += data
 
 
-def rendered(evaluation: Evaluation, pictures: dict[str, bytes] | None = None) -> str:
+def rendered(evaluation: Evaluation, pictures: dict[str, Drawn] | None = None) -> str:
     command = "scene4d evaluate towncentre --data 'my <data>'"
     return render_evaluation(evaluation, pictures or {}, command=command)
 

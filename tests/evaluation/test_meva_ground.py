@@ -11,6 +11,7 @@ from bodies import crowd, with_boxes
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.people import Detections
+from scene4d.evaluation.datasets import meva
 from scene4d.evaluation.datasets.meva import EVERY, Ground, local_ground
 
 SIZE = (1920, 1080)
@@ -161,3 +162,10 @@ def test_only_whole_seconds_and_people_are_looked_at(ground):
     more = local_ground("G1", published(), [Detections.concatenate([people, between, cars])])
     height_m = ground.calibration.camera.height_m
     assert more.calibration.camera.height_m == pytest.approx(height_m, rel=1e-9)
+
+
+def test_a_clip_without_people_and_vehicles_has_no_tracks():
+    """MEVA has such clips: their boxes are of bags and doors, or there are none."""
+    nobody = Detections.from_boxes(SIZE, np.empty(0, np.int64), np.empty((0, 4)))
+    known = published()
+    assert len(meva._followed(nobody, Ground("G7", known, known))) == 0

@@ -66,6 +66,8 @@ def looks_of(
     annotated frame was looked at and nobody was there; of longer pauses, across which nothing is
     bridged, only the ends are.
     """
+    if not len(found):
+        return
     times_of: TimesOf = (lambda f: f / times) if isinstance(times, float) else (lambda f: times[f])
     frames = _slots(np.unique(found.frame), times_of, rate_hz)
     found = found.select(np.isin(found.frame, frames))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from scene4d.drawing.page import Shown, data_uri, rendered, seconds_text
+from scene4d.drawing.style import Drawn
 from scene4d.drawing.words import number
 from scene4d.evaluation.pages.table import Cell
 from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation
@@ -81,21 +82,22 @@ def verdict(evaluation: ActivityEvaluation) -> str:
 
 
 def render_activities(
-    evaluation: ActivityEvaluation, pictures: Mapping[str, bytes], *, command: str | None
+    evaluation: ActivityEvaluation, pictures: Mapping[str, Drawn], *, command: str | None
 ) -> str:
     """The page as HTML, with the ``pictures`` (``det``) inside it."""
     figures = {
         name: Shown(
             name,
-            data_uri(png),
+            data_uri(picture.page_png),
             "DET curves of every activity, one panel each, for all methods.",
             "Share of the labelled events that is missed, over false alarms per minute of footage "
             "(logarithmic), as the threshold falls; the number of labels is in brackets. Broken "
             "vertical lines: "
             + " and ".join(f"{rate:g}" for rate in sorted(FALSE_PER_MINUTE))
             + " a minute. Where a curve stays level at its end nothing more was found.",
+            picture.legend,
         )
-        for name, png in pictures.items()
+        for name, picture in pictures.items()
     }
     values: dict[str, Any] = {
         "title": f"{evaluation.name.upper()}: activities on cameras "

@@ -30,13 +30,14 @@ _REACH_M = 2.25
 """The curve of P(near) is drawn from 0 to so many times τ."""
 _LEAST_FALSE = 1e-3
 """Left end of the ROC's axis, which is logarithmic: all that differs happens near zero."""
-_DASHES = ("solid", (0, (5, 1.5)), (0, (1.5, 1.2)))
+_MARKERS = ("v", "o", "^")
+"""Of the ROC curves, from small to tall people: down, middle, up."""
 
 # Okabe and Ito (2008); the lines differ as well, the first one is ours.
 _METHODS = (
     ("#0072B2", "solid", 2.2),
     ("#D55E00", (0, (4, 1.6)), 1.5),
-    ("#4D4D4D", (0, (1, 1.4)), 1.6),
+    (style.AXIS, (0, (1, 1.4)), 1.6),
 )
 _COLUMNS = 2
 LEAST, MOST = 0.002, 2.0
@@ -53,9 +54,9 @@ def quiet(
     axes: Axes, x_label: str = "", y_label: str = "", *, grid: Literal["both", "x", "y"] = "both"
 ) -> None:
     """Labels, thin grid, no box."""
-    axes.set_xlabel(x_label, fontsize=TEXT, color=style.INK)
-    axes.set_ylabel(y_label, fontsize=TEXT, color=style.INK)
-    axes.tick_params(labelsize=SMALL, colors=style.INK, length=3)
+    axes.set_xlabel(x_label, fontsize=TEXT, color=style.AXIS)
+    axes.set_ylabel(y_label, fontsize=TEXT, color=style.AXIS)
+    axes.tick_params(labelsize=SMALL, colors=style.AXIS, length=3)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(style.FAINT)
     axes.grid(axis=grid, color=_GRID, lw=0.7)
@@ -94,15 +95,15 @@ def near_share(pairs: NearPairs) -> Share:
     return Share(mean[held], share[held], count[held])
 
 
-def draw_near(shown: tuple[Headline, ...]) -> bytes:
-    """PNG of P(near) over distance, with what was truly near at each estimated distance."""
+def draw_near(shown: tuple[Headline, ...]) -> style.Drawn:
+    """P(near) over distance, with what was truly near at each estimated distance."""
     tau = shown[0].score.near.tau_m
     fig, axes = _one_panel()
     d = np.linspace(0, _REACH_M * tau, 400)
-    axes.plot(d, near_probability(d, tau_m=tau), color=style.INK, lw=2.2)
+    axes.plot(d, near_probability(d, tau_m=tau), color=style.AXIS, lw=2.2)
     axes.plot([0, tau, tau, d[-1]], [1, 1, 0, 0], color=style.FAINT, lw=1.2, ls=(0, (4, 3)))
     handles = [
-        Line2D([], [], color=style.INK, lw=2.2, label=f"P(near), σ = {NEAR_SIGMA_M:g} m"),
+        Line2D([], [], color=style.AXIS, lw=2.2, label=f"P(near), σ = {NEAR_SIGMA_M:g} m"),
         Line2D([], [], color=style.FAINT, lw=1.2, ls=(0, (4, 3)), label="exact distances"),
     ]
     for s in shown:
@@ -116,9 +117,8 @@ def draw_near(shown: tuple[Headline, ...]) -> bytes:
     axes.set_xlim(0, d[-1])
     axes.set_ylim(-0.02, 1.04)
     quiet(axes, "distance on the ground (m)", "probability, or share of pairs")
-    axes.text(tau + 0.1, 0.97, f"τ = {tau:g} m", fontsize=TEXT, color=style.INK, va="center")
-    style.legend_below(fig, handles, 0.4, columns=2, size=SMALL)
-    return style.png(fig)
+    axes.text(tau + 0.1, 0.97, f"τ = {tau:g} m", fontsize=TEXT, color=style.AXIS, va="center")
+    return style.drawn(fig, handles, 0.4)
 
 
 def _one_panel() -> tuple[Figure, Axes]:
@@ -151,14 +151,16 @@ def auc_text(auc: float) -> str:
     return ">\u00a00.9999" if 0.99995 <= auc < 1 else f"{auc:.4f}"
 
 
-def draw_roc(evaluation: Evaluation, shown: tuple[Headline, ...]) -> bytes:
-    """PNG of the ROC curves: a colour for each method, dashes by the height of the people."""
+def draw_roc(evaluation: Evaluation, shown: tuple[Headline, ...]) -> style.Drawn:
+    """The ROC curves: a colour for each method, a marker for each height of the people."""
     fig, axes = _one_panel()
     handles = []
     for s in shown:
         for k, (height_m, roc) in enumerate(roc_curves(evaluation, s)):
-            line: dict[str, Any] = {"color": s.colour, "lw": 1.9, "ls": _DASHES[k % len(_DASHES)]}
-            axes.plot(np.maximum(roc.false_rate, _LEAST_FALSE), roc.true_rate, **line)
+            line: dict[str, Any] = {"color": s.colour, "lw": 1.7, "marker": _MARKERS[k % 3]}
+            apart = (0.05 * k, 0.2)
+            x = np.maximum(roc.false_rate, _LEAST_FALSE)
+            axes.plot(x, roc.true_rate, ms=6, markevery=apart, **line)
             label = f"{s.method}, {height_text(height_m)} m: {auc_text(roc.auc)}"
             handles.append(Line2D([], [], label=label, **line))
     axes.set_xscale("log")
@@ -166,12 +168,11 @@ def draw_roc(evaluation: Evaluation, shown: tuple[Headline, ...]) -> bytes:
     axes.set_xticks([1e-3, 1e-2, 1e-1, 1], ["0.001", "0.01", "0.1", "1"])
     axes.set_ylim(0, 1.015)
     quiet(axes, "false positive rate", "true positive rate")
-    style.legend_below(fig, handles, 0.4, columns=2, size=SMALL)
-    return style.png(fig)
+    return style.drawn(fig, handles, 0.4)
 
 
-def draw_det(evaluation: ActivityEvaluation) -> bytes:
-    """PNG of the DET curves of every activity that is labelled, in the order of the table."""
+def draw_det(evaluation: ActivityEvaluation) -> style.Drawn:
+    """The DET curves of every activity that is labelled, in the order of the table."""
     shown = [name for name in evaluation.activities if evaluation.labels[name]]
     rows = max(1, -(-len(shown) // _COLUMNS))
     height = _STRIP_IN + _TOP_IN + rows * _PANEL_IN + (rows - 1) * _BETWEEN_IN
@@ -190,8 +191,7 @@ def draw_det(evaluation: ActivityEvaluation) -> bytes:
         Line2D([], [], color=colour, ls=dashes, lw=width, label=method.name)
         for method, (colour, dashes, width) in zip(evaluation.methods, _METHODS, strict=False)
     ]
-    style.legend_below(fig, handles, 0.3, columns=len(handles), size=TEXT)
-    return style.png(fig)
+    return style.drawn(fig, handles, 0.3)
 
 
 def _det_panel(axes: Axes, evaluation: ActivityEvaluation, activity: str) -> None:
@@ -210,7 +210,7 @@ def _det_panel(axes: Axes, evaluation: ActivityEvaluation, activity: str) -> Non
     axes.set_yticks([0, 0.5, 1])
     axes.yaxis.set_major_formatter(PercentFormatter(1.0, 0))
     title = f"{activity.replace('_', ' ')} ({evaluation.labels[activity]})"
-    axes.set_title(title, loc="left", fontsize=SMALL, color=style.INK, pad=3)
+    axes.set_title(title, loc="left", fontsize=SMALL, color=style.AXIS, pad=3)
 
 
 def outline(curve: DetCurve) -> tuple[np.ndarray, np.ndarray]:

@@ -9,6 +9,7 @@ from scene4d.core.files import write_bytes, write_json
 from scene4d.core.progress import Progress
 from scene4d.core.staging import ensure_folder, staged
 from scene4d.drawing.page import Shown, data_uri, rendered
+from scene4d.drawing.style import Drawn
 from scene4d.drawing.words import number
 from scene4d.evaluation.pages.activities import render_activities
 from scene4d.evaluation.pages.charts import draw_det, draw_near, draw_roc, roc_curves
@@ -54,21 +55,21 @@ def write_evaluation(
             pictures = draw_evaluation(evaluation)
             page = render_evaluation(evaluation, pictures, command=command)
         (folder / "figures").mkdir()
-        for name, content in pictures.items():
-            write_bytes(folder / "figures" / f"{name}.png", content)
+        for name, picture in pictures.items():
+            write_bytes(folder / "figures" / f"{name}.png", picture.png)
         write_bytes(folder / "evaluation.html", page.encode())
         write_json(folder / "evaluation.json", evaluation.to_dict())
     return out / "evaluation.html"
 
 
-def draw_evaluation(evaluation: Evaluation) -> dict[str, bytes]:
-    """PNG bytes by name, in the order of :data:`FIGURES`, of the figures that can be drawn.
+def draw_evaluation(evaluation: Evaluation) -> dict[str, Drawn]:
+    """Figures by name, in the order of :data:`FIGURES`, that can be drawn.
 
     ``headline.RULE`` says which outcomes stand for a method. Raises :class:`InputError` for a
     picture of another size than the footage, and where there are too few correspondence points.
     """
     shown = headlines(evaluation)
-    drawn: dict[str, bytes] = {}
+    drawn: dict[str, Drawn] = {}
     if evaluation.image_bgr is not None:
         drawn["points"] = draw_points(evaluation)
     for s in shown:
@@ -85,12 +86,18 @@ def draw_evaluation(evaluation: Evaluation) -> dict[str, bytes]:
 
 
 def render_evaluation(
-    evaluation: Evaluation, pictures: Mapping[str, bytes], *, command: str | None
+    evaluation: Evaluation, pictures: Mapping[str, Drawn], *, command: str | None
 ) -> str:
     """The page as HTML, with the ``pictures`` (of :func:`draw_evaluation`) inside it."""
     figures = {
-        name: Shown(name, data_uri(png), alternative(name), caption(name, evaluation))
-        for name, png in pictures.items()
+        name: Shown(
+            name,
+            data_uri(picture.page_png),
+            alternative(name),
+            caption(name, evaluation),
+            picture.legend,
+        )
+        for name, picture in pictures.items()
     }
     values: dict[str, Any] = {
         "title": _TITLES.get(evaluation.name, evaluation.reference.name),

@@ -23,21 +23,19 @@ MAX_PEOPLE = 400
 """People that a picture shows: more hide one another."""
 _TRUE = "#FFC845"
 # Pictures are wider than charts, and shown at the same width.
-_LABEL_PT, _LEGEND_PT = 14.0, 18.0
+_LABEL_PT = 14.0
 
 
-def draw_points(evaluation: Evaluation) -> bytes:
-    """PNG of the scene with the numbered correspondence points."""
+def draw_points(evaluation: Evaluation) -> style.Drawn:
+    """The scene with the numbered correspondence points."""
     reference = evaluation.reference
     image = style.checked_image(evaluation.image_bgr, reference.image_size)
     fig, axes, strip = style.picture(image, reference.image_size)
-    handles = [_numbered(axes, reference.points_uv)]
-    style.legend_below(fig, handles, strip, columns=3, size=_LEGEND_PT)
-    return style.png(fig)
+    return style.drawn(fig, [_numbered(axes, reference.points_uv)], strip)
 
 
-def draw_consensus(evaluation: Evaluation, shown: Headline) -> bytes:
-    """PNG of the people of a calibration, from foot to head: inliers, and outliers above them."""
+def draw_consensus(evaluation: Evaluation, shown: Headline) -> style.Drawn:
+    """The people of a calibration, from foot to head: inliers, and outliers above them."""
     found = shown.calibration
     assert found.inlier is not None
     image = style.checked_image(evaluation.image_bgr, found.image_size)
@@ -46,9 +44,7 @@ def draw_consensus(evaluation: Evaluation, shown: Headline) -> bytes:
         _people(axes, shown, found.inlier, style.INLIER, "o", "inlier"),
         _people(axes, shown, ~found.inlier, style.OUTLIER, "X", "outlier"),
     ]
-    present = [handle for handle in handles if handle is not None]
-    style.legend_below(fig, present, strip, columns=3, size=_LEGEND_PT)
-    return style.png(fig)
+    return style.drawn(fig, [handle for handle in handles if handle is not None], strip)
 
 
 def _people(
@@ -73,8 +69,8 @@ def _people(
     return Line2D([], [], color=colour, marker=mark, ms=6, mec="white", ls=dashes, label=label)
 
 
-def draw_ground(evaluation: Evaluation, shown: Headline) -> bytes:
-    """PNG of the scene with the estimated ground grid, the true course of the same lines, and the
+def draw_ground(evaluation: Evaluation, shown: Headline) -> style.Drawn:
+    """The scene with the estimated ground grid, the true course of the same lines, and the
     correspondence points.
     """
     reference = evaluation.reference
@@ -93,8 +89,7 @@ def draw_ground(evaluation: Evaluation, shown: Headline) -> bytes:
         Line2D([], [], color=_TRUE, lw=1.6, ls=(0, (3, 2)), label="truth", **dark),
         _numbered(axes, reference.points_uv),
     ]
-    style.legend_below(fig, handles, strip, columns=3, size=_LEGEND_PT)
-    return style.png(fig)
+    return style.drawn(fig, handles, strip)
 
 
 def both_grids(
@@ -192,12 +187,23 @@ def _overlaps(
     return (gaps < room).all(axis=2).sum(axis=1).astype(float)
 
 
-def draw_alignment(shown: tuple[Headline, ...]) -> bytes:
-    """PNG: true and estimated points from above, to scale, after the paper's rigid alignment."""
+def draw_alignment(shown: tuple[Headline, ...]) -> style.Drawn:
+    """True and estimated points from above, to scale, after the paper's rigid alignment."""
     true = shown[0].score.error.true_xy_m
     axes = _from_above(_area(np.concatenate([true, *(s.score.error.aligned_xy_m for s in shown)])))
     handles = [
-        Line2D([], [], ls="", marker="o", ms=8, mfc="none", mec=style.INK, mew=1.4, label="truth")
+        Line2D(
+            [],
+            [],
+            ls="",
+            marker="o",
+            ms=8,
+            mfc="none",
+            mec=style.AXIS,
+            c=style.AXIS,
+            mew=1.4,
+            label="truth",
+        )
     ]
     for s in shown:
         pairs = np.stack([s.score.error.true_xy_m, s.score.error.aligned_xy_m], axis=1)
@@ -207,16 +213,15 @@ def draw_alignment(shown: tuple[Headline, ...]) -> bytes:
         label = f"{s.method}: {number(s.score.error.mean_m, 2)} ± {number(s.score.error.sd_m, 2)} m"
         look: dict[str, Any] = {"marker": s.marker, "color": s.colour, "ms": 7, "mec": "white"}
         handles.append(Line2D([], [], label=label, lw=2.2, **look))
-    style.scatter(axes, true, s=70, facecolors="none", edgecolors=style.INK, lw=1.4, zorder=4)
+    style.scatter(axes, true, s=70, facecolors="none", edgecolors=style.AXIS, lw=1.4, zorder=4)
     for name, offset in enumerate(_offsets(axes, true), start=1):
         axes.annotate(
             str(name), tuple(true[name - 1]), xytext=tuple(offset), textcoords="offset points",
-            ha="center", va="center", fontsize=charts.TEXT, color=style.INK, zorder=6,
+            ha="center", va="center", fontsize=charts.TEXT, color=style.AXIS, zorder=6,
         )  # fmt: skip
     fig = axes.get_figure(root=True)
     assert fig is not None
-    style.legend_below(fig, handles, 0.3, columns=2, size=charts.SMALL)
-    return style.png(fig)
+    return style.drawn(fig, handles, 0.3)
 
 
 def _area(xy: np.ndarray) -> Area:
