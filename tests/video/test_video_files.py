@@ -385,5 +385,5 @@ def test_a_stream_is_called_by_its_host_and_path(url, name):
 
 
 def test_an_unknown_scheme_names_those_that_are_read():
-    with pytest.raises(InputError, match=r"ftp:// is no kind of stream .* rtsp"):
+    with pytest.raises(InputError, match=r"ftp:// is not a kind of stream .* rtsp"):
         open_source("ftp://host/video.mp4")

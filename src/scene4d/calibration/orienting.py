@@ -334,9 +334,7 @@ def _rounds(footage: "Source", frames: int | None) -> "Iterator[Iterator[Frame]]
             yield islice(stream, count)
             seen += count
         return
-    everything = np.arange(len(footage.timeline))
-    pixels = footage.image_size[0] * footage.image_size[1]
-    chosen = choose_frames(footage.timeline, everything, MOST_FRAMES, pixels)
+    chosen = choose_frames(footage.timeline, MOST_FRAMES, footage.image_size)
     chosen = chosen[halving_order(len(chosen))]
     while seen < len(chosen):
         count = max(seen, _FIRST_FRAMES)

@@ -6,12 +6,14 @@ from jaxtyping import UInt8
 from scene4d.video.frames import Frame
 
 _MAX_FRAMES = 21
+_MIN_FRAMES = 5
+"""More frames add little to a median; fewer still show whoever stands about. Chosen by hand."""
 MAX_BYTES = 200e6
 """Memory that the kept frames may take; fewer are kept of larger ones."""
 
 
 class Background:
-    """Fed with sampled frames, keeps a few spread over the clip and gives their median."""
+    """Keeps a few of the sampled frames, spread over the clip, and gives their median."""
 
     def __init__(self, image_size: tuple[int, int], expected_frames: int | None) -> None:
         width, height = image_size
@@ -22,15 +24,15 @@ class Background:
         self._kept: list[np.ndarray] = []
 
     def add(self, frame: Frame) -> None:
-        """Show one frame; it is copied only if it is kept."""
+        """Offer one frame; it is copied only if it is kept."""
         if self._seen % self._step == 0 and len(self._kept) < self._room:
             self._kept.append(frame.image_bgr.copy())
         self._seen += 1
 
     @property
     def is_median(self) -> bool:
-        """Whether enough frames were seen for what moves to vanish."""
-        return len(self._kept) >= 5
+        """Whether enough frames were kept for what moves to disappear."""
+        return len(self._kept) >= _MIN_FRAMES
 
     def image(self) -> UInt8[np.ndarray, "h w 3"] | None:
         """The median picture; the first frame where there are too few; None without any."""
@@ -39,7 +41,7 @@ class Background:
         if not self.is_median:
             return self._kept[0]
         rows = []
-        for top in range(0, self._kept[0].shape[0], 64):  # in strips, to keep memory low
+        for top in range(0, self._kept[0].shape[0], 64):  # in strips, to save memory
             strip = np.stack([image[top : top + 64] for image in self._kept])
             middle = strip.shape[0] // 2
             rows.append(np.partition(strip, middle, axis=0)[middle])

@@ -55,8 +55,8 @@ def pixel_notes(stream: Any, name: str) -> list[str]:
 def packets(container: Any, stream: Any) -> Iterator[Any]:
     """Whole packets, until the end or :class:`av.error.FFmpegError`.
 
-    An empty packet would tell the decoder that the end is reached, and half a packet would be
-    patched up with other frames' content.
+    An empty packet would end the decoder, and half a packet would be patched up with other frames'
+    content.
     """
     for packet in container.demux(stream):
         if packet.size and not packet.is_corrupt:

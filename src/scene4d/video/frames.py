@@ -1,4 +1,4 @@
-"""What every source of footage offers: frames, their clock, and what went wrong on the way."""
+"""What every source of footage offers: frames, their times, and warnings."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
@@ -15,7 +15,7 @@ MOST_PIXELS = 175_000_000
 _MOST_SIDE_PX = 32_766
 """OpenCV cannot remap or warp longer sides (SHRT_MAX)."""
 _LEAST_SIDE_PX = 8
-"""Nothing can be seen in less; scaling such a picture leaves no pixel."""
+"""Less shows nothing, and scaling it leaves no pixel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +32,9 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """All frames of a source in display order, known without decoding them.
+    """The times of all frames of a source in display order, known without decoding.
 
-    ``time_s`` in seconds from the first frame (NaN without a clock); ``is_key`` marks the frames
+    ``time_s`` in seconds from the first frame (NaN without a clock); ``is_key`` marks frames
     that decode on their own.
     """
 
@@ -64,10 +64,10 @@ class Timeline:
 
 
 class Source(ABC):
-    """Footage that was opened. Use it as a context manager, or call :meth:`close`.
+    """Opened footage; use it as a context manager, or call :meth:`close`.
 
-    ``name`` is what messages call it, ``image_size`` is (width, height) in pixels after rotation
-    metadata is applied, ``timeline`` is None for a stream, whose end is not known.
+    ``name`` is what messages call it, ``image_size`` is (width, height) in pixels as shown
+    upright, ``timeline`` is None for a stream, whose end is unknown.
     """
 
     name: str
@@ -87,7 +87,7 @@ class Source(ABC):
     @property
     @abstractmethod
     def warnings(self) -> tuple[str, ...]:
-        """What was found wrong so far, in plain words; complete after the frames were read."""
+        """What was wrong so far, in sentences; complete when the frames have been read."""
 
     @property
     def frame_count(self) -> int | None:
@@ -101,8 +101,8 @@ class Source(ABC):
             return None
         return len(self.timeline) * self.timeline.frame_s
 
-    def close(self) -> None:  # noqa: B027 - most sources hold nothing open
-        """Let go of what is open. A source without an open connection has nothing to do."""
+    def close(self) -> None:  # noqa: B027
+        """Close what is open; most sources hold nothing open."""
 
     def __enter__(self) -> "Source":
         return self

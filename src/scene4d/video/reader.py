@@ -1,4 +1,4 @@
-"""Open any footage: a video, an image, a folder of images, a glob, or a stream address."""
+"""Open any footage: a video, an image, a folder of images, a glob, or a stream."""
 
 import glob
 import os
@@ -42,7 +42,7 @@ def open_source(source: str | os.PathLike[str]) -> Source:
 def _open_stream(url: str, scheme: str) -> Source:
     if scheme not in _STREAM_SCHEMES:
         raise InputError(
-            f"{scheme}:// is no kind of stream that is read; expected one of "
+            f"{scheme}:// is not a kind of stream that can be read; expected one of "
             f"{', '.join(sorted(_STREAM_SCHEMES))}, or a file without a scheme"
         )
     from scene4d.video.stream import StreamSource

@@ -1,4 +1,4 @@
-"""Network streams: frames as they come, with no end that could be known."""
+"""Network streams: frames as they come, without a known end."""
 
 import re
 from collections.abc import Iterable, Iterator

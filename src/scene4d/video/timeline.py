@@ -1,4 +1,4 @@
-"""When each frame of a video file is shown and which ones are key frames, without decoding."""
+"""When each frame of a video file is shown, and which are key frames, without decoding."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -23,9 +23,9 @@ class PacketTable:
 def read_packet_table(container: Any, stream: Any, size_bytes: int | None) -> PacketTable:
     """The packet table of an open file, from its index where that suffices, else by reading it.
 
-    An index (MP4, AVI) holds decoding times. Without frame reordering they are the display
-    times up to a constant, and a file of any length opens at once. With reordering, or without
-    a complete index (Matroska, MPEG-TS), every packet is read but none is decoded.
+    An index (MP4, AVI) holds decoding times. Unless frames are reordered, these are the display
+    times up to a constant, and a file of any length opens at once. With reordering, or without a
+    complete index (Matroska, MPEG-TS), every packet is read but none is decoded.
     """
     table = _from_index(stream, size_bytes)
     return _from_packets(container, stream) if table is None else table

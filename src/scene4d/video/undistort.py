@@ -9,10 +9,10 @@ from scene4d.core.errors import InputError
 
 
 class Undistorter:
-    """Takes the distortion of a lens out of frames; the result is a pinhole image of the same K.
+    """Removes the distortion of a lens from frames; the result is a pinhole image of the same K.
 
-    The map is computed once. Pixels that the lens never saw become black. The map holds for
-    frames of ``lens.image_size`` only (see :meth:`Lens.scaled_to`).
+    Works on frames of ``lens.image_size`` only (see :meth:`Lens.scaled_to`). Pixels that the lens
+    does not show become black.
     """
 
     def __init__(self, lens: Lens) -> None:
