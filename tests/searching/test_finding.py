@@ -109,6 +109,10 @@ def test_one_search_takes_a_path_a_scene_or_several(tmp_path):
     assert [run for run, _ in both] == ["a", "b"]
     assert tracks([Scene.open(north), south]) == tracks([north, Scene.open(south)]) == both
     assert both[1][1] == {10**9 + scenes.ONE, 10**9 + scenes.OTHER}
+    east = scenes.write_scene(tmp_path / "c", scenes.people(), run="c", camera="east")
+    three = tracks([Scene.open(north, south), east])
+    assert three == tracks([north, south, east])
+    assert three[2] == ("c", {2 * 10**9 + scenes.ONE, 2 * 10**9 + scenes.OTHER})
     with pytest.raises(InputError, match="named twice"):
         search([north, Scene.open(north)], "two people meet")
 
@@ -238,8 +242,9 @@ def test_runs_are_searched_apart_and_ranked_together(tmp_path):
     scenes.write_scene(folder, vague, run="first")
     scenes.write_scene(folder, everybody, run="second")
     scenes.write_scene(folder, scenes.people()[:1], run="third")
-    done = search(Scene.open(folder), ENTERS)
+    done = search(Scene.open(folder), ENTERS, top=1)
     assert [one.run.run for one in done.events] == ["second", "first"]
+    assert [one.around is not None for one in done.events] == [True, False]
     assert done.events[0].event.score > done.events[1].event.score
     assert [run.run for run in done.runs] == ["first", "second"]  # the third has no vehicle
     base = done.events[0].run.track_base
