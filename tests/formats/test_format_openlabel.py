@@ -26,6 +26,9 @@ CAM_FROM_WORLD = np.block([[CAMERA.R, CAMERA.t[:, None]], [np.zeros(3), np.ones(
 WORLD_FROM_LIDAR = np.eye(4)
 WORLD_FROM_LIDAR[:3, :3] = Rotation.from_euler("zyx", [77, 2, -1], degrees=True).as_matrix()
 WORLD_FROM_LIDAR[:3, 3] = [-15.9, 2.3, 7.5]
+WORLD_FROM_BASE = np.eye(4)
+WORLD_FROM_BASE[:3, :3] = Rotation.from_euler("z", 30, degrees=True).as_matrix()
+WORLD_FROM_BASE[:3, 3] = [3.0, 4.0, 0.1]
 LIDAR_FROM_CAM = np.linalg.inv(CAM_FROM_WORLD @ WORLD_FROM_LIDAR)
 
 
@@ -37,14 +40,14 @@ def document(pose, *, matrix="camera_matrix", distortion="distortion_coeffs", pa
         matrix: np.column_stack([CAMERA.K, np.zeros(3)]).ravel().tolist(),
         distortion: CAMERA.distortion.tolist(),
     }
-    lidar = {"quaternion": Rotation.from_matrix(WORLD_FROM_LIDAR[:3, :3]).as_quat().tolist()}
-    lidar["translation"] = WORLD_FROM_LIDAR[:3, 3].tolist()
+    base, lidar = as_standard(WORLD_FROM_BASE), np.linalg.inv(WORLD_FROM_BASE) @ WORLD_FROM_LIDAR
     return {
         "openlabel": {
             "metadata": {"schema_version": "1.0.0"},
             "coordinate_systems": {
-                "base": {"type": "scene_cs", "parent": "", "children": ["lidar"]},
-                "lidar": {"type": "sensor_cs", "parent": "base", "pose_wrt_parent": lidar},
+                "map": {"type": "scene_cs", "parent": "", "children": ["base"]},
+                "base": {"type": "local_cs", "parent": "map", "pose_wrt_parent": base},
+                "lidar": {"parent": "base", "pose_wrt_parent": as_standard(lidar)},
                 "south": {"type": "sensor_cs", "parent": parent, "pose_wrt_parent": pose},
             },
             "streams": {
