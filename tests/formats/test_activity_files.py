@@ -137,18 +137,3 @@ def test_nothing_found_is_a_result():
         "processingReport": {"fileStatuses": {"a.avi": {"status": "success", "message": ""}}},
         "activities": [],
     }
-
-
-@pytest.mark.parametrize(
-    ("instance", "files", "said"),
-    [
-        (("x", "a.avi", 1, 2, 0.5), ["b.avi"], "not named"),
-        (("x", "a.avi", 3, 2, 0.5), ["a.avi"], "ends at frame 2"),
-        (("x", "a.avi", 1, 2, float("nan")), ["a.avi"], "confidence"),
-        (("x", "a b.avi", 1, 2, 0.5), ["a b.avi"], "'a b.avi'"),
-        (("x", "", 1, 2, 0.5), [""], "the scorer takes"),
-    ],
-)
-def test_what_the_scorer_would_refuse(instance, files, said):
-    with pytest.raises(InputError, match=said):
-        actev_json([ActevInstance(*instance)], files)

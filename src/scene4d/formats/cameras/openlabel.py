@@ -14,15 +14,13 @@ the clearly more upright camera.
 """
 
 import warnings
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from scene4d.core.camera import Camera, Lens
 from scene4d.core.errors import InputError
-from scene4d.core.files import read_json
+from scene4d.core.json_object import JsonObject
 from scene4d.core.text import quoted
 from scene4d.formats.cameras import fields
 from scene4d.formats.cameras.contract import CameraFormat, ImageSize
@@ -31,7 +29,6 @@ from scene4d.formats.cameras.pinhole import five_coefficients, rotation_of_quate
 _CLEARLY_RAD = np.radians(10)
 """Cameras hang upright within a few degrees; a wrong reading rolls by the difference of headings,
 so that ten degrees leave one heading in eighteen open."""
-_MOST_PARENTS = 100
 _ROOTS = ("openlabel", "vcd")
 
 
@@ -40,51 +37,45 @@ def _sniff(path: Path, head: str) -> bool:
 
 
 def _read(path: Path, image_size: ImageSize | None) -> Camera | Lens:
-    document = _object(read_json(path), "the file")
-    _, root = fields.require(document, *_ROOTS)
-    root = _object(root, "field 'openlabel'")
-    name, pinhole = _pinhole(_object(root.get("streams", {}), "field 'streams'"))
-    matrix, K = fields.require(pinhole, "camera_matrix", "camera_matrix_3x4")
-    K = fields.numbers(matrix, K)
-    if len(K) not in (9, 12):
-        raise InputError(f"field {matrix!r}: expected 3x4 or 3x3 numbers, found {len(K)}")
-    K = K.reshape(3, -1)[:, :3]
-    found = fields.find(pinhole, "distortion_coeffs", "distortion_coeffs_1xN")
+    document = JsonObject.read(path)
+    root = document.object("vcd" if "vcd" in document else "openlabel")
+    name, pinhole = _pinhole(root.object("streams"))
+    values = {field: pinhole.value(field) for field in pinhole.names()}
+    field, matrix = fields.require(values, "camera_matrix", "camera_matrix_3x4")
+    numbers = fields.numbers(field, matrix)
+    if len(numbers) not in (9, 12):
+        raise pinhole.error(field, "3x4 or 3x3 numbers")
+    K = numbers.reshape(3, -1)[:, :3]
+    found = fields.find(values, "distortion_coeffs", "distortion_coeffs_1xN")
     distortion = five_coefficients(fields.numbers(*found)) if found else np.zeros(5)
-    lens = Lens(fields.image_size(pinhole) or size_for(K, image_size), K, distortion)
-    systems = _object(root.get("coordinate_systems", {}), "field 'coordinate_systems'")
-    return _posed(lens, name, systems) if name in systems else lens
+    lens = Lens(fields.image_size(values) or size_for(K, image_size), K, distortion)
+    if "coordinate_systems" not in root or name not in root.object("coordinate_systems"):
+        return lens
+    return _posed(lens, name, root.object("coordinate_systems"))
 
 
-def _object(value: Any, where: str) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping):
-        raise InputError(f"{where}: expected an object of named fields, found {quoted(value)}")
-    return value
-
-
-def _pinhole(streams: Mapping[str, Any]) -> tuple[str, Mapping[str, Any]]:
+def _pinhole(streams: JsonObject) -> tuple[str, JsonObject]:
     """The only stream that is a pinhole camera, and its intrinsics."""
     cameras = {}
-    for name, stream in streams.items():
-        where = f"stream {quoted(name)}"
-        properties = _object(_object(stream, where).get("stream_properties") or {}, where)
-        if "intrinsics_pinhole" in properties:
-            cameras[name] = _object(properties["intrinsics_pinhole"], where)
+    for name in streams.names():
+        stream = streams.object(name)
+        if "stream_properties" in stream:
+            properties = stream.object("stream_properties")
+            if "intrinsics_pinhole" in properties:
+                cameras[name] = properties.object("intrinsics_pinhole")
     if len(cameras) != 1:
-        found = quoted(", ".join(cameras)) if cameras else "none"
+        found = f"{quoted(', '.join(cameras))}; keep that of one" if cameras else "none"
         raise InputError(
             f"field 'streams': expected one camera with 'intrinsics_pinhole', found {found}"
-            + ("; keep that of one" if cameras else "")
         )
     return next(iter(cameras.items()))
 
 
-def _posed(lens: Lens, name: str, systems: Mapping[str, Any]) -> Camera | Lens:
-    system = _object(systems[name], f"coordinate system {quoted(name)}")
-    if not system.get("pose_wrt_parent"):
+def _posed(lens: Lens, name: str, systems: JsonObject) -> Camera | Lens:
+    own = _pose(systems.object(name))
+    if own is None:
         return lens
-    own = _pose(system, name)
-    world_from_parent = _world_from(system.get("parent"), systems)
+    world_from_parent = _world_from_parent(name, systems)
     standard, other = (
         _camera(lens, np.linalg.inv(world_from_parent @ pose)) for pose in (own, np.linalg.inv(own))
     )
@@ -111,45 +102,45 @@ def _slant_rad(camera: Camera) -> float:
     return abs(camera.roll_rad) if camera.height_m > 0 else np.pi
 
 
-def _world_from(name: Any, systems: Mapping[str, Any]) -> np.ndarray:
-    """world_from_system, along the parents."""
-    world = np.eye(4)
-    for _ in range(_MOST_PARENTS):
-        if not name:
-            return world
-        if not isinstance(name, str) or name not in systems:
-            raise InputError(f"coordinate system {quoted(name)} is missing")
-        system = _object(systems[name], f"coordinate system {quoted(name)}")
-        if system.get("pose_wrt_parent"):
-            world = _pose(system, name) @ world
-        name = system.get("parent")
-    raise InputError("field 'coordinate_systems': the parents go in a circle")
+def _world_from_parent(name: str, systems: JsonObject) -> np.ndarray:
+    """From the parent of a system to the root, which has none."""
+    world, passed = np.eye(4), {name}
+    while systems.object(name).value("parent"):
+        name = systems.object(name).text("parent")
+        if name in passed:
+            raise systems.error(name, "no parent of its own")
+        passed.add(name)
+        pose = _pose(systems.object(name))
+        world = world if pose is None else pose @ world
+    return world
 
 
-def _pose(system: Mapping[str, Any], name: str) -> np.ndarray:
-    where = f"coordinate system {quoted(name)}"
-    pose = system["pose_wrt_parent"]
-    pose = _object({"matrix4x4": pose} if isinstance(pose, list) else pose, where)
-    found = fields.find(pose, "matrix4x4")
-    matrix = np.eye(4)
-    if found:
-        matrix[:3] = fields.matrix(*found, 4, 4)[:3]
-        matrix[:3, :3] = _rotation(matrix[:3, :3], where)
-        return matrix
+def _pose(system: JsonObject) -> np.ndarray | None:
+    """parent_from_system as the standard has it; None where the system has none."""
+    if not system.value("pose_wrt_parent"):
+        return None
+    if isinstance(system.value("pose_wrt_parent"), list):  # as VCD 4 has it
+        return _rigid(system, "pose_wrt_parent")
+    pose = system.object("pose_wrt_parent")
+    if "matrix4x4" in pose:
+        return _rigid(pose, "matrix4x4")
     if "euler_angles" in pose:
-        raise InputError(f"{where}: Euler angles are not read; give a matrix4x4 or a quaternion")
-    xyzw = fields.matrix(*fields.require(pose, "quaternion"), 1, 4)[0]
-    matrix[:3, :3] = rotation_of_quaternion(xyzw.tolist(), where)
-    matrix[:3, 3] = fields.matrix(*fields.require(pose, "translation"), 1, 3)[0]
+        raise pose.error("euler_angles", "replaced by a matrix4x4 or a quaternion")
+    matrix = np.eye(4)
+    xyzw = pose.array("quaternion", 4)
+    matrix[:3, :3] = rotation_of_quaternion(xyzw.tolist(), "field 'quaternion'")
+    matrix[:3, 3] = pose.array("translation", 3)
     return matrix
 
 
-def _rotation(R: np.ndarray, where: str) -> np.ndarray:
-    """The rotation nearest to a matrix of few decimals, as files have them."""
-    U, singular, Vt = np.linalg.svd(R)
-    if np.abs(singular - 1).max() > 1e-2 or np.linalg.det(R) < 0:
-        raise InputError(f"{where}: 'matrix4x4' holds no rotation (orthonormal, determinant +1)")
-    return U @ Vt
+def _rigid(values: JsonObject, field: str) -> np.ndarray:
+    """A 4x4 matrix with the rotation nearest to the one in the file, which has few decimals."""
+    matrix = fields.matrix(field, values.value(field), 4, 4)
+    U, singular, Vt = np.linalg.svd(matrix[:3, :3])
+    if np.abs(singular - 1).max() > 1e-2 or np.linalg.det(matrix[:3, :3]) < 0:
+        raise values.error(field, "a rotation (orthonormal, determinant +1) and a shift")
+    matrix[:3, :3], matrix[3] = U @ Vt, (0, 0, 0, 1)
+    return matrix
 
 
 FORMAT = CameraFormat("openlabel", "ASAM OpenLABEL JSON with one camera (read only)", _sniff, _read)
