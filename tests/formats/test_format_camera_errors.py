@@ -49,6 +49,8 @@ CASES = [
     ("a.yml", YAML + "R: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n", "'R' is there without its partner"),
     ("a.yml", YAML + "R: [1, 0, 0, 0, 1, 0, 0, 0, 2]\nT: [0, 0, 0]\n", "R must be a rotation"),
     ("a.yml", YAML + "R: [1, 0]\nT: [0, 0, 0]\n", "expected 3x3 or 3 numbers, found 2"),
+    ("a.yml", YAML.replace("   rows: 3", "   - rows: 3"), "line [0-9]+: is not valid YAML"),
+    ("a.yml", "camera_matrix: !!opencv-matrix [1, 2]\n", "line 1: is not valid YAML"),
     ("a.yml", YAML + "fisheye_model: 1\n", "fisheye .*not supported"),
     ("a.yml", lines([0.1, 0, 0, 0, 0, 0.2, 0, 0]), "rational model"),
     ("a.yml", lines([0.1, 0, 0, 0, 0, 0, 0, 0, 0.2, 0, 0, 0]), "thin prism model"),

@@ -40,7 +40,7 @@ class _Careful(Composer, _Plain):
                 raise ConstructorError(None, None, "merge keys (<<) are not read", key.start_mark)
 
 
-def _opencv_matrix(loader: yaml.CSafeLoader, node: yaml.MappingNode) -> dict[Any, Any]:
+def _opencv_matrix(loader: yaml.CSafeLoader, node: Any) -> dict[Any, Any]:
     return loader.construct_mapping(node, deep=True)
 
 
