@@ -20,6 +20,8 @@ SCHEMA = "scene4d/camera/2"
 SCHEMAS = ("scene4d/camera/1", SCHEMA)
 """What is read: schema 2 adds to schema 1 what a calibration's errors within the scene need."""
 _ASPECT_TOLERANCE = 0.01
+"""How much the aspect ratio may change (share) when a lens is rescaled. Chosen: sizes rounded to
+multiples of 8 or 16 stay within it, a crop or another sensor mode does not."""
 _SHAPES = {"K": (3, 3), "distortion": (5,), "R": (3, 3), "t": (3,)}
 
 

@@ -1,4 +1,4 @@
-"""A reference that knows the ground plane alone: pixels to metres by a homography."""
+"""A ground plane without a camera: pixels to metres by a homography."""
 
 from dataclasses import dataclass, field
 
@@ -15,12 +15,12 @@ from scene4d.core.points import ImageSize, PointsLike, as_image_size, as_points
 class GroundMap:
     """Pixels of the footage to ground metres by ``ground_from_uv`` (3, 3); no height, no lens.
 
-    Two things that a bare matrix leaves open are settled here. Its sign: the middle of the image's
-    lowest row sees ground, so what has the other sign lies above the horizon. Its handedness: a
-    map whose y axis runs down, as in plans, is mirrored (``mirrored`` says so), because the world
-    here is right-handed, seen from above, and no rigid motion could make up for it. Raises
-    :class:`InputError` where the matrix is not 3x3, finite and invertible. The ground's origin may
-    be far away (UTM).
+    A bare matrix leaves two things open, which are settled here. Its sign: the middle of the
+    image's lowest row sees ground, so whatever has the other sign lies above the horizon. Its
+    handedness: the world is right-handed, seen from above, so a map whose y axis runs down, as in
+    plans, is mirrored (``mirrored`` says so); no rigid motion could do that. The ground's origin
+    may be far away (UTM). Raises :class:`InputError` where the matrix is not 3x3, finite and
+    invertible.
     """
 
     image_size: ImageSize

@@ -20,8 +20,8 @@ class Orientation:
     """Focal length (pixels), tilt and roll (radians), each with a standard deviation.
 
     A standard deviation of 0 means exactly known, infinity means unknown.
-    ``focal_tilt_correlation`` is that of the errors of log focal length and tilt: a picture often
-    tells the horizon's row, ``focal · tan(tilt)``, better than either.
+    ``focal_tilt_correlation`` is that of the errors of log focal length and tilt: an image often
+    shows the horizon's row, ``focal · tan(tilt)``, better than either of the two.
     """
 
     focal_px: float

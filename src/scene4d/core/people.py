@@ -1,4 +1,4 @@
-"""What the stages say about people in pictures: detections, and upright segments of them."""
+"""People in images: detections, and the upright segments made from them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -77,7 +77,7 @@ class Detections(Columns):
 
     @property
     def box_foot_uv(self) -> Float[np.ndarray, "n 2"]:
-        """Bottom centres of the boxes: where they stand, as far as a box can tell."""
+        """Bottom centres of the boxes: where objects touch the ground, as far as a box shows it."""
         x1, _, x2, y2 = self.box_xyxy.T
         return np.column_stack([(x1 + x2) / 2, y2])
 
@@ -108,7 +108,7 @@ class Detections(Columns):
 class Segments(Columns):
     """Upright people as foot and head points, one row per sighting; the calibrator's input.
 
-    Pixels in the frame the caller states (undistorted for ``solve_camera``). ``foot_uv`` is the
+    Pixels of the footage (undistorted for ``solve_camera``). ``foot_uv`` is the
     midpoint of the feet, or the bottom centre of the box where ``from_box``; ``head_uv`` the top
     of the head, or the top centre of the box. ``track`` -1 where unknown, ``time_s`` may be NaN.
     """

@@ -72,7 +72,7 @@ def read_table(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    # The Rust reader aborts loudly on what is no Parquet at all, so that is told beforehand.
+    # The Rust reader panics on anything that is not Parquet, so check first.
     if len(content) < 12 or not (content.startswith(_MAGIC) and content.endswith(_MAGIC)):
         raise InputError(f"{path}: is not a whole Parquet file")
     try:

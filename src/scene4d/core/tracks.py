@@ -24,9 +24,9 @@ class Located(Columns):
 
     ``xy_m`` is the middle of a person, the centroid of a vehicle; ``covariance_m2`` its
     independent part: pixels, height and shape of the object, not the camera's own error. All NaN
-    where a row has no ground point. ``heading_rad`` counts from +X to +Y, NaN where the picture
-    does not tell; ``heading_sigma_rad`` is its standard deviation, and ``heading_is_axis`` says
-    that front and back cannot be told apart.
+    where a row has no ground point. ``heading_rad`` counts from +X to +Y, NaN where the image does
+    not show it; ``heading_sigma_rad`` is its standard deviation, and ``heading_is_axis`` is true
+    where front and back cannot be told apart.
     """
 
     xy_m: Float[np.ndarray, "n 2"]

@@ -1,4 +1,4 @@
-"""Pure functions of arrays: rotations, projection, distortion, alignment, vanishing points."""
+"""Pure functions of arrays: rotations, projection, distortion, homographies, alignment."""
 
 from scene4d.core.geometry.alignment import rigid_fit
 from scene4d.core.geometry.distortion import (

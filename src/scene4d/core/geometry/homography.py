@@ -6,8 +6,10 @@ from jaxtyping import Bool, Float
 from scene4d.core.errors import InputError
 
 _OUT_OF_PROPORTION = 0.2
-"""How far a camera's two ground axes may be from orthogonal (cosine) and equally long (share)."""
-_STRAIGHT_DOWN = 1e-4  # squared sine of half a degree: nearer to the nadir no map tells f
+"""How far a camera's two ground axes may be from orthogonal (cosine) and equally long (share).
+Chosen: lenses off by 10 % pass, maps in feet or with one axis stretched do not."""
+_STRAIGHT_DOWN = 1e-4
+"""Squared sine of half a degree off the nadir; closer to it the focal length is not determined."""
 
 
 def apply_homography(
