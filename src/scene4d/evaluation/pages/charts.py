@@ -22,7 +22,6 @@ from scene4d.searching.predicates import NEAR_SIGMA_M, near_probability
 WIDTH_IN = 5.4
 TEXT, SMALL = 10.5, 9.5
 """Points. With :data:`WIDTH_IN`, letters are at least 9 pixels where a page is 400 wide."""
-_GRID = "#E7EAEE"
 _BIN_M, _MIN_PAIRS = 0.1, 20
 """Bins of the estimated distance, and pairs below which a share is too noisy to draw (its standard
 deviation is up to 0.11 at 20). Chosen by hand."""
@@ -53,13 +52,14 @@ def height_text(height_m: float) -> str:
 def quiet(
     axes: Axes, x_label: str = "", y_label: str = "", *, grid: Literal["both", "x", "y"] = "both"
 ) -> None:
-    """Labels, thin grid, no box."""
+    """Labels, thin grid, no box, no background: a page may be dark."""
     axes.set_xlabel(x_label, fontsize=TEXT, color=style.AXIS)
     axes.set_ylabel(y_label, fontsize=TEXT, color=style.AXIS)
     axes.tick_params(labelsize=SMALL, colors=style.AXIS, length=3)
     axes.spines[["top", "right"]].set_visible(False)
     axes.spines[["left", "bottom"]].set_color(style.FAINT)
-    axes.grid(axis=grid, color=_GRID, lw=0.7)
+    axes.grid(axis=grid, color=style.AXIS, alpha=0.25, lw=0.7)
+    axes.patch.set_alpha(0.0)
     axes.set_axisbelow(True)
 
 
@@ -159,8 +159,9 @@ def draw_roc(evaluation: Evaluation, shown: tuple[Headline, ...]) -> style.Drawn
         for k, (height_m, roc) in enumerate(roc_curves(evaluation, s)):
             line: dict[str, Any] = {"color": s.colour, "lw": 1.7, "marker": _MARKERS[k % 3]}
             apart = (0.05 * k, 0.2)
-            x = np.maximum(roc.false_rate, _LEAST_FALSE)
-            axes.plot(x, roc.true_rate, ms=6, markevery=apart, **line)
+            begin = int(np.searchsorted(roc.false_rate, _LEAST_FALSE, side="right")) - 1
+            x = np.maximum(roc.false_rate[begin:], _LEAST_FALSE)
+            axes.plot(x, roc.true_rate[begin:], ms=6, markevery=apart, **line)
             label = f"{s.method}, {height_text(height_m)} m: {auc_text(roc.auc)}"
             handles.append(Line2D([], [], label=label, **line))
     axes.set_xscale("log")
