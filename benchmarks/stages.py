@@ -21,7 +21,7 @@ from scene4d.calibration.calibrating import Run, run
 from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.writing import write
 from scene4d.core.progress import Silent
-from scene4d.perception import people as people_module
+from scene4d.perception import objects as objects_module
 from scene4d.perception.detectors.tiles import INPUT_PX
 from scene4d.perception.detectors.yolox import YoloxDetector
 from scene4d.perception.keypoints import BATCH, INPUT_SIZE, KeypointEstimator
@@ -38,7 +38,7 @@ WRAPPED = {
     "load the networks": [(PeopleDetector, "default")],
     "detect": [(YoloxDetector, "detect")],
     "keypoints": [(KeypointEstimator, "estimate")],
-    "track": [(Tracker, "update"), (people_module, "colour_histograms")],
+    "track": [(Tracker, "update"), (objects_module, "colour_histograms")],
     "does it move, background": [
         (MotionMonitor, "add"),
         (MotionMonitor, "verdict"),

@@ -146,7 +146,7 @@ def _real(data: Path, reader: PoseReader) -> list[str]:
 
 def _hopeless(panoramas: list[Panorama], reader: PoseReader) -> list[str]:
     lines = [
-        "Pictures that tell nothing: width of the 95 % interval, degrees.",
+        "Pictures without information: width of the 95 % interval, degrees.",
         "",
         "| picture | roll | tilt | vertical field of view |",
         "| --- | ---: | ---: | ---: |",

@@ -1,1 +1,1 @@
-"""Finding people in pictures: weights, detectors, keypoints, tracks. Import the submodules."""
+"""People, vehicles and the camera's orientation in pictures. Import the submodules."""

@@ -1,8 +1,8 @@
 """Finding "people" that never move: mannequins, posters, reflections.
 
-Detectors find them as gladly as people, and always at the same place; a camera calibrated on them
-is bent to their size. Time tells: nobody stands still to within a few percent of their height for
-the larger part of a long clip.
+Detectors find them as readily as people, always in the same place, and a camera calibrated on them
+is biased towards their size. Time separates them: nobody stands still to within a few percent of
+their height for most of a long clip.
 """
 
 import numpy as np

@@ -3,8 +3,8 @@
 Sampled frames lie up to seconds apart, so boxes of one walker need not overlap. Boxes are
 associated by where the foot is predicted to be, by size and by the colours of the clothes, in one
 assignment per frame. The calibrator fits one height per track, so a track that mixes two people
-does more harm than a person split in two: where two explanations are about equally good, the
-tracks concerned end and new ones begin.
+does more harm than a person split in two: where two matches are about equally good, the tracks
+concerned end and new ones begin.
 """
 
 from dataclasses import dataclass

@@ -40,7 +40,7 @@ class Detector(Protocol):
 def require_bgr(image_bgr: np.ndarray) -> None:
     """Raise :class:`InputError` for anything but an image (h, w, 3) of bytes with a pixel in it.
 
-    A network would take grey or float images too, and find other things in them.
+    A network would accept grey or float images too, and find other things in them.
     """
     shape = tuple(image_bgr.shape)
     if len(shape) != 3 or shape[2] != 3 or 0 in shape or image_bgr.dtype != np.uint8:

@@ -70,7 +70,7 @@ class Belief:
 
     @classmethod
     def even(cls) -> "Belief":
-        """Nothing is known."""
+        """Every cell is as likely."""
         return cls.normalised(np.zeros(SHAPE))
 
     @classmethod
@@ -134,7 +134,7 @@ class Belief:
         return float(low), float(high)
 
     def given_vfov(self, vfov_rad: float, relative_sigma: float = 0.02) -> "Belief":
-        """With the field of view known: a lens that was told makes tilt and roll sharper.
+        """With the field of view known from a lens, which makes tilt and roll sharper.
 
         Raises :class:`InputError` for a field of view that is none.
         """

@@ -2,7 +2,7 @@
 
 A camera of roll, tilt and field of view says where in the image all uprights of the world meet,
 and on which line the horizontals do. In towns two horizontal directions at right angles prevail
-(Coughlan and Yuille, "Manhattan World", 1999); their heading is unknown and is summed over. Each
+(Coughlan and Yuille, "Manhattan World", 1999); their heading is unknown and summed over. Each
 image segment is upright, or follows one of these two, or follows nothing and points anywhere.
 Horizontals of other headings are among the last: every line of an image meets the horizon.
 
@@ -32,9 +32,9 @@ from scene4d.perception.orientation.grid import (
 _WORKING_HEIGHT = 480
 """Larger pictures are shrunk to this height: finding segments takes half of the time."""
 LONGEST = 120
-"""So many segments are heard, the longest."""
+"""So many segments are used, the longest."""
 
-# Tuned on crops of panoramas (files happy358_* and gkjohnson_* only).
+# Tuned by hand on crops of panoramas (files happy358_* and gkjohnson_* only).
 _UPRIGHT_SHARE = np.float32(0.4)
 _HORIZONTAL_SHARE = np.float32(0.1)
 """Of each of the two horizontal directions. Few, because many places have more than two."""

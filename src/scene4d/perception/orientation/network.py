@@ -84,7 +84,7 @@ class OrientationNetwork:
 
 
 class PoseReader:
-    """What pictures say: the network's belief times the likelihood of their line segments.
+    """Beliefs from pictures: the network's times the likelihood of their line segments.
 
     ``still``: the pictures are frames of one fixed camera, whose lines are looked for in some of
     them only and count in all. The network is loaded once, when the first picture is shown.
@@ -99,8 +99,8 @@ class PoseReader:
     def belief(self, image_bgr: np.ndarray) -> Belief:
         """What one picture (h, w, 3), 8-bit BGR, says about its camera.
 
-        Network and lines each have their exponent; the less the network recognises, the less the
-        lines are asked. Raises :class:`InputError` for a picture that is none, or smaller than 32
+        Network and lines each have their exponent; the less the network recognises, the less
+        the lines count. Raises :class:`InputError` for a picture that is none, or smaller than 32
         pixels.
         """
         seen = self.network.belief(image_bgr)
