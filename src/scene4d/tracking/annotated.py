@@ -133,11 +133,11 @@ def _slots(
     so that the number of frames is bounded by the annotated ones and not by their span.
     """
     pause_s = np.diff(times_of(annotated), append=np.inf)
-    step = np.diff(annotated, append=annotated[-1] + 1)
+    step = np.diff(annotated, append=annotated[-1:] + 1)
     count = np.where(pause_s <= SmoothingSettings.max_gap_s, step, 1)
     offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     everything = np.repeat(annotated, count) + offset
     slot = np.floor(times_of(everything) * rate_hz + 1e-6)
     order = np.lexsort([everything, offset > 0, slot])
-    first = np.diff(slot[order], prepend=slot[0] - 1) > 0
+    first = np.diff(slot[order], prepend=slot[:1] - 1) > 0
     return np.asarray(everything[order][first])
