@@ -16,7 +16,8 @@ from scene4d.searching.activities.compose import STRETCH, Aligned, Span, Timelin
 from scene4d.searching.activities.definition import Activity
 
 _FEW = 24
-"""Moments of a cast of which each may begin or end a phase; the pairs of more take too long."""
+"""Moments of a cast of which each may begin or end a phase; the pairs of more take too long. Chosen
+by hand, as is the next."""
 _RUNS = 6
 """Of a longer cast, the longest likely stretches of a phase whose ends are tried."""
 # Intervals are half open in time: [s, e + 1) in moments; x = (s, e) is related to y = (u, v).

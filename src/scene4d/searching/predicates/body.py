@@ -7,14 +7,17 @@ from scene4d.core.body import HALPE26, MIN_KEYPOINT_SCORE, PERSON_HEIGHT_M
 from scene4d.searching.predicates.gaussian import above
 from scene4d.searching.predicates.stage import StageRows
 
-_ARM_MPS = 0.4
-_ARM_SIGMA_MPS = 0.2
-_ARM_WINDOW_S = 0.6
+_ARM_MPS, _ARM_SIGMA_MPS, _ARM_WINDOW_S = 0.4, 0.2, 0.6
+"""A wrist that moves so fast for so long rises or sinks; chosen by hand: a walking arm swings less
+along the body."""
 _KEYPOINT_SHARE = 0.02
-"""Spread of a keypoint, as a share of the body's length in the picture."""
+"""Spread of a keypoint, as a share of the body's length in the picture; chosen by hand."""
 _TORSO_SHARE = 0.29
 """From the hips to the shoulders, as a share of the body's height."""
+_LEG_TO_TOP_SHARE = 0.95
+"""From the ankles to the top of the head, likewise."""
 _MOST_ROWS = 15
+"""Rows of a window that a slope is taken from: more hardly change it."""
 
 
 def arm_moving_up(
@@ -83,8 +86,7 @@ def _elevations(rows: StageRows) -> np.ndarray:
     hips, shoulders = point("left_hip", "right_hip"), point("left_shoulder", "right_shoulder")
     torso = (shoulders - hips) / _TORSO_SHARE
     feet, top = point("left_ankle", "right_ankle"), point("head_top")
-    # From the ankles to the top of the head are 95 % of a person.
-    whole = (top - feet) / 0.95
+    whole = (top - feet) / _LEG_TO_TOP_SHARE
     body = np.where(np.isfinite(whole).all(axis=1, keepdims=True), whole, torso)
     square = (body**2).sum(axis=1)
     square = np.where(square > 0, square, np.nan)

@@ -7,9 +7,9 @@ from scene4d.searching.predicates.gaussian import above, form
 from scene4d.searching.predicates.stage import StageRows
 
 MOVING_MPS = 0.5
-"""What moves slower than this stands: people sway, boxes jitter."""
+"""What moves slower than this stands: people sway, boxes jitter. Chosen by hand."""
 SPEED_SIGMA_MPS = 0.2
-"""Softness of words of speed."""
+"""Softness of words of speed; chosen by hand."""
 
 
 def speed(

@@ -1,6 +1,6 @@
 """How tall somebody is seen, against how tall the same one stands.
 
-Constants were chosen on the MEVA cameras that the catalogue names.
+Constants were chosen on the tuning cameras (MEVA G341 and G424).
 """
 
 import numpy as np
@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from scipy.special import ndtr
 
 from scene4d.core.body import BORDER_PX
+from scene4d.searching.predicates.meeting import expand
 from scene4d.searching.predicates.stage import Stage, StageRows
 
 _STOOPING_SHARE = 0.9
@@ -49,9 +50,8 @@ def _tracks_of(a: StageRows) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"]
     stage = a.stage
     tracks = np.unique(stage.track_of_row[a.index])
     first, count = stage.first_row[tracks], (stage.last_row - stage.first_row + 1)[tracks]
-    track = np.repeat(np.arange(len(tracks)), count)
-    within = np.arange(len(track)) - np.repeat(np.cumsum(count) - count, count)
-    return first[track] + within, track
+    track, rows = expand(first, count)
+    return rows, track
 
 
 def _heights_m(stage: Stage, rows: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:

@@ -11,6 +11,8 @@ from scene4d.searching.predicates.stage import StageRows
 
 SIDES = ("front", "back", "left", "right")
 """Sides of a vehicle, as its driver names them."""
+# What the words mean, chosen by hand: towards is within an eighth of a turn and faster than people
+# sway; who follows is some steps behind.
 _TOWARDS_MPS = 0.3
 _TOWARDS_RAD = np.pi / 4
 _TOWARDS_SIGMA_MPS = 0.2
@@ -21,9 +23,10 @@ _FACING_SIGMA_RAD = np.radians(15.0)
 _SIDE_SIGMA_M = 0.3
 _VEHICLE_LENGTH_M = 4.6
 _VEHICLE_WIDTH_M = 1.85
-"""A common car; only the difference of the two enters."""
+"""A common car, as in docs/predicates.md; only the difference of the two counts."""
 _AXIS_SIGMA_RAD = np.radians(10.0)
-"""Taken for a vehicle of which only the axis is known, without a spread of its own."""
+"""Of a heading without a spread of its own, as of a vehicle of which only the axis is known; chosen
+by hand."""
 
 
 def moving_towards(

@@ -7,24 +7,26 @@ from scene4d.searching.predicates.gaussian import angle_between, direction, wrap
 from scene4d.searching.predicates.motion import MOVING_MPS, SPEED_SIGMA_MPS, moving
 from scene4d.searching.predicates.stage import Stage, StageRows
 
-TURN_WINDOW_S = 2.0
-TURN_RAD = np.radians(15.0)
-TURN_SIGMA_RAD = np.radians(5.0)
+# What the words mean, chosen by hand: a bend is no turn, a half circle may be cut short.
+_TURN_WINDOW_S = 2.0
+_TURN_RAD = np.radians(15.0)
+_TURN_SIGMA_RAD = np.radians(5.0)
 _U_TURN_WINDOW_S = 12.0
 _U_TURN_RAD = np.radians(130.0)
 _U_TURN_SIGMA_RAD = np.radians(15.0)
 _GEAR_M = 1.0
 """Way that speaks for neither direction: who drives 1 m one way may as well have reversed."""
 _FLIP_SIGMA_RAD = np.radians(20.0)
+"""How far from opposite a new direction may be that is driven in another gear; chosen by hand."""
 
 
 def turning_left(
     a: StageRows,
     *,
-    angle_rad: float = TURN_RAD,
-    window_s: float = TURN_WINDOW_S,
+    angle_rad: float = _TURN_RAD,
+    window_s: float = _TURN_WINDOW_S,
     speed_mps: float = MOVING_MPS,
-    sigma_rad: float = TURN_SIGMA_RAD,
+    sigma_rad: float = _TURN_SIGMA_RAD,
 ) -> Float[np.ndarray, "m"]:
     """P(a turns left): its direction of motion turns by more than ``angle_rad`` from +X towards +Y
     within ``window_s`` seconds about the moment, and it moves.
@@ -41,10 +43,10 @@ def turning_left(
 def turning_right(
     a: StageRows,
     *,
-    angle_rad: float = TURN_RAD,
-    window_s: float = TURN_WINDOW_S,
+    angle_rad: float = _TURN_RAD,
+    window_s: float = _TURN_WINDOW_S,
     speed_mps: float = MOVING_MPS,
-    sigma_rad: float = TURN_SIGMA_RAD,
+    sigma_rad: float = _TURN_SIGMA_RAD,
 ) -> Float[np.ndarray, "m"]:
     """P(a turns right): :func:`turning_left` seen in a mirror."""
     turn, sigma = _turn(a, window_s, speed_mps, sigma_rad)

@@ -17,8 +17,9 @@ picture would have carried it half a second later (or earlier):
 - *within*, where it is asked what a went into: the share of the last box that b's box covers then,
   ``Φ((share - 0.7) / 0.15)``. What is inside a thing is seen inside its outline, from anywhere.
 
-They rest on pixels alone, so on no calibration. Constants are rules of thumb, chosen beforehand;
-those of *leaving* and *within* with the MEVA cameras in view that the catalogue names.
+They rest on pixels alone, and so on no calibration. Constants are rules of thumb, chosen by hand
+before any footage was searched; those of *leaving* and *within* were chosen on the tuning cameras
+(MEVA G341 and G424).
 """
 
 from dataclasses import dataclass
@@ -29,15 +30,17 @@ from jaxtyping import Float, Int
 from scipy.special import ndtr
 
 from scene4d.core.body import BORDER_PX
+from scene4d.searching.predicates.meeting import expand
 from scene4d.searching.predicates.stage import Stage, StageRows
 
+# Means and softness of the factors above: times in seconds, lengths as shares of a box's size.
 _END_SIGMA_S = 1.0
 _LOOK_S = 0.5
-BORDER_SHARE, BORDER_SIGMA = 0.1, 0.05
-LEAVING_SHARE, LEAVING_SIGMA = 0.15, 0.05
-COVERED_SHARE, COVERED_SIGMA = 0.5, 0.15
+_BORDER_SHARE, _BORDER_SIGMA = 0.1, 0.05
+_LEAVING_SHARE, _LEAVING_SIGMA = 0.15, 0.05
+_COVERED_SHARE, _COVERED_SIGMA = 0.5, 0.15
 _BEFORE_SIGMA = 0.05
-WITHIN_SHARE, WITHIN_SIGMA = 0.7, 0.15
+_WITHIN_SHARE, _WITHIN_SIGMA = 0.7, 0.15
 _CLIP_SIGMA_S = 0.5
 
 
@@ -119,7 +122,7 @@ def _end(a: StageRows, b: StageRows | None, last: bool, sigma_s: float) -> np.nd
     other = b.stage.track_of_row[b.index]
     hidden = np.where(ends.whom[track, 0] == other, ends.hidden[track, 1], ends.hidden[track, 0])
     share = _covered(ends.box_xyxy[track], _nearest_box(b.stage, other, ends.time_s[track]))
-    within = ndtr((share - WITHIN_SHARE) / WITHIN_SIGMA)
+    within = ndtr((share - _WITHIN_SHARE) / _WITHIN_SIGMA)
     return np.asarray(bump * ends.still[track] * (1 - hidden) * within)
 
 
@@ -139,8 +142,8 @@ def _ends(stage: Stage, last: bool) -> _Ends:
     now, then = box[track], _carried_on(stage, row, last)
     size = np.sqrt(np.maximum((now[:, 2] - now[:, 0]) * (now[:, 3] - now[:, 1]), 1.0))
     margins = [_margin(one, stage.image_size) / size for one in (now, then)]
-    border = ndtr((np.minimum(*margins) - BORDER_SHARE) / BORDER_SIGMA)
-    outwards = ndtr((margins[0] - margins[1] - LEAVING_SHARE) / LEAVING_SIGMA)
+    border = ndtr((np.minimum(*margins) - _BORDER_SHARE) / _BORDER_SIGMA)
+    outwards = ndtr((margins[0] - margins[1] - _LEAVING_SHARE) / _LEAVING_SIGMA)
     everything = tracks.time_s.max() if last else tracks.time_s.min()
     clip = 1 - np.exp(-(((time_s[track] - everything) / _CLIP_SIGMA_S) ** 2) / 2)
     free[track], still[track] = border * clip, (1 - (1 - border) * outwards) * clip
@@ -210,18 +213,17 @@ def _hide(
     reach, at = 0.501 * stage.step_s, tracks.time_s[seen]
     low = np.searchsorted(time[order], at - reach)
     count = np.searchsorted(time[order], at + reach, side="right") - low
-    other = np.repeat(seen, count)
-    if not len(other):
+    owner, position = expand(low, count)
+    if not len(owner):
         return
-    offset = np.arange(len(other)) - np.repeat(np.cumsum(count) - count, count)
-    end = order[np.repeat(low, count) + offset]
+    other, end = seen[owner], order[position]
     foreign = stage.track_of_row[other] != track[end]
     other, end = other[foreign], end[foreign]
     box = tracks.box_xyxy[other]
     covered = np.maximum(*(_covered(part[end], box) for part in boxes))
     now = boxes[0][end]
     depth = (box[:, 3] - now[:, 3]) / (_BEFORE_SIGMA * np.maximum(now[:, 3] - now[:, 1], 1.0))
-    value = ndtr((covered - COVERED_SHARE) / COVERED_SIGMA) * ndtr(depth)
+    value = ndtr((covered - _COVERED_SHARE) / _COVERED_SIGMA) * ndtr(depth)
     value[covered == 0] = 0.0
     by = stage.track_of_row[other]
     # Largest first within every end; an object counts once.
