@@ -112,7 +112,7 @@ def test_a_file_of_ones_own_is_read_beside_it(tmp_path):
         ("tau_m=3", "tau_m=3 km/h", 13, "measured in m"),
         ("tau_m=3", "tau_m=close", 13, "a number of m"),
         ("near(person, other,", "near(person,", 13, "1 roles, expected 2"),
-        ("near(person, other, tau_m=3)", "near person", 13, "is no term"),
+        ("near(person, other, tau_m=3)", "near person", 13, "is not a term"),
         ("near(person, other,", "near(person, person,", 13, "twice"),
         ("lasts: [2, .inf]", "lasts: [2, 1]", 11, "impossible duration, from 2 to 1 s"),
         ("lasts: [2, .inf]", "lasts: [-2, 1]", 11, "impossible duration"),
@@ -130,7 +130,7 @@ def test_a_file_of_ones_own_is_read_beside_it(tmp_path):
         ("name: goes", "name: waits", 3, "twice"),
         ("      other: [person, bicycle]", "      person: bicycle", 8, "twice"),
         ("description: Somebody stays beside another.", "description: [a]", 3, "expected a word"),
-        ("    roles:\n", "    roles: [1, 2\n", None, "no YAML"),
+        ("    roles:\n", "    roles: [1, 2\n", None, "not YAML"),
         ("person_waits:", "person_enters_vehicle:", None, "exists already"),
         ("[person waits]", "[person enters vehicle]", None, "already means"),
     ],
@@ -156,7 +156,7 @@ def test_a_mistake_is_named_with_its_line(tmp_path, old, new, line, says):
         ("activities:\n  x: {roles: {}, phases: []}\n", "no role"),
         ("a: &a [*a]\nactivities: {x: *a}", "unknown key 'a'"),
         ("activities: &a {x: *a}", "unknown key 'x'"),
-        ("\x00", "no YAML"),
+        ("\x00", "not YAML"),
         ("!!python/object/apply:os.system ['true']", "expected key: value"),
     ],
 )
@@ -218,7 +218,7 @@ def test_a_role_that_is_never_used():
         (Role("a", ("person",)), Role("b", ("car",))),
         (Phase("p", (Term("moving", ("a",)),)),),
     )
-    with pytest.raises(InputError, match="'b': no phase says anything"):
+    with pytest.raises(InputError, match="'b': is used in no phase"):
         check_activity(activity, PREDICATES)
 
 

@@ -33,9 +33,9 @@ def load_catalogue(
 ) -> dict[str, Activity]:
     """The activities that come with the package, and those of the given files, by name.
 
-    Raises :class:`InputError` with file and line for what is no YAML, keys, predicates, roles,
-    classes, parameters and relations that do not exist (naming the nearest), impossible durations,
-    and a name or a phrase that two activities share.
+    Raises :class:`InputError` with file and line for what is not YAML, for keys, predicates, roles,
+    classes, parameters and relations that do not exist (naming the nearest), for impossible
+    durations, and for a name or a phrase that two activities share.
     """
     found: dict[str, Activity] = {}
     phrases: dict[str, str] = {}
@@ -77,9 +77,9 @@ class _Reader:
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             line = f", line {mark.line + 1}" if mark else ""
-            raise InputError(f"{self._name}{line}: no YAML: {error.problem}") from None
+            raise InputError(f"{self._name}{line}: not YAML: {error.problem}") from None
         except (yaml.YAMLError, RecursionError) as error:
-            raise InputError(f"{self._name}: no YAML: {error}") from None
+            raise InputError(f"{self._name}: not YAML: {error}") from None
         if root is None:
             raise InputError(f"{self._name}: is empty, expected activities:")
         top = self._mapping(root, ("activities", "classes"))
@@ -173,7 +173,7 @@ class _Reader:
                 if keys is not None and key not in keys:
                     raise InputError(f"unknown key {key!r}{nearest(key, keys)}")
                 if key in found:
-                    raise InputError(f"the key {key!r} is there twice")
+                    raise InputError(f"the key {key!r} occurs twice")
             found[key] = value
         for key in needed:
             if key not in found:

@@ -28,7 +28,7 @@ def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> N
         for phase in activity.phases:
             check_durations(phase)
             if not phase.terms:
-                raise InputError(f"phase {phase.name!r}: nothing holds in it")
+                raise InputError(f"phase {phase.name!r}: no terms, expected at least one")
             for term in phase.terms:
                 check_term(term, names, predicates)
         for relation in activity.relations:
@@ -36,7 +36,7 @@ def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> N
         used = {role for term in activity.terms for role in term.roles}
         for name in names:
             if name not in used:
-                raise InputError(f"role {name!r}: no phase says anything of it")
+                raise InputError(f"role {name!r}: is used in no phase")
     except InputError as error:
         raise InputError(f"activity {activity.name!r}: {error}") from None
 
@@ -89,4 +89,4 @@ def check_names(what: str, names: list[str]) -> None:
     """Raise :class:`InputError` for a name that two have."""
     for name in names:
         if names.count(name) > 1:
-            raise InputError(f"{what} {name!r} is there twice")
+            raise InputError(f"{what} {name!r} occurs twice")

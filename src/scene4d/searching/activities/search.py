@@ -18,9 +18,10 @@ from scene4d.searching.predicates.registry import PREDICATES, Predicate
 from scene4d.searching.predicates.stage import Stage
 
 MIN_SCORE = 0.05
-"""Least score of an event, unless another is asked for."""
+"""Least score of an event, unless another is asked for; chosen by hand."""
 LEAST_SCORE = 0.001
-"""No event scores less: below it hardly a predicate speaks for it, and every moment is one."""
+"""No event scores less; chosen by hand: below it hardly a predicate speaks for an event, and every
+moment is one."""
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ def parse_term(text: str, predicates: Mapping[str, Predicate]) -> Term:
     """
     found = _TERM.match(text)
     if found is None:
-        raise InputError(f"{text!r} is no term; expected predicate(role, ..., parameter=value)")
+        raise InputError(f"{text!r} is not a term; expected predicate(role, ..., parameter=value)")
     negated, name, inside = found.groups()
     predicate = _known(name, predicates)
     roles: list[str] = []
@@ -50,7 +50,7 @@ def parse_term(text: str, predicates: Mapping[str, Predicate]) -> Term:
         key, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals:
             if parameters:
-                raise InputError(f"{text!r}: the role {part!r} stands behind a parameter")
+                raise InputError(f"{text!r}: the role {part!r} comes after a parameter")
             roles.append(part)
         elif key in parameters:
             raise InputError(f"{text!r}: {key} is given twice")
@@ -82,7 +82,7 @@ def check_term(term: Term, roles: Iterable[str], predicates: Mapping[str, Predic
         if role not in known:
             raise InputError(f"{term.predicate}: no role {role!r}{nearest(role, known)}")
     if len(set(term.roles)) < len(term.roles):
-        raise InputError(f"{term.predicate}: the role {term.roles[0]!r} twice")
+        raise InputError(f"{term.predicate}: the role {term.roles[0]!r} occurs twice")
     for key, value in term.parameters.items():
         if key == _LAG:
             if isinstance(value, str) or not value >= 0:

@@ -14,11 +14,11 @@ from scene4d.core.errors import InputError
 from scene4d.searching.predicates.stage import Stage
 
 _PIECE = 32
-"""Moments of a piece: few enough for a small box, many enough to be few pieces."""
+"""Moments of a piece, chosen by hand: few enough for a small box, enough for few pieces."""
 BOUND_SIGMA = 2.4
-"""Standard deviations by which a box grows: P(near) is below 0.01 behind them."""
+"""Standard deviations by which a box grows: P(near) is below 0.01 beyond them."""
 _MOST_SPREAD_M = 10.0
-"""A box grows by no more: what stands so vaguely is near nothing in particular."""
+"""A box grows by no more: what is so uncertain is near nothing in particular. Chosen by hand."""
 _STANDS_MPS = 0.5
 """What is slower than this stands, as for :func:`motion.moving`."""
 _MOST_ROWS = 40_000_000
