@@ -113,6 +113,8 @@ def test_one_search_takes_a_path_a_scene_or_several(tmp_path):
     three = tracks([Scene.open(north, south), east])
     assert three == tracks([north, south, east])
     assert three[2] == ("c", {2 * 10**9 + scenes.ONE, 2 * 10**9 + scenes.OTHER})
+    with pytest.raises(InputError, match="no scene is given"):
+        search([], "two people meet")
     with pytest.raises(InputError, match="named twice"):
         search([north, Scene.open(north)], "two people meet")
 

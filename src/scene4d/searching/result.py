@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 SEARCH_SCHEMA = "scene4d/search/1"
 """Name and version of ``events.json``, and of what ``--json`` prints."""
-NOT_CALIBRATED = "the score ranks events; for this activity it is not calibrated as a probability"
+_NOT_CALIBRATED = "the score ranks events; for this activity it is not calibrated as a probability"
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _KPF = (".geom.yml", ".types.yml")
 _REFUSED_BY_SCORER = re.compile(r"[^A-Za-z0-9_\-.]")
@@ -48,7 +48,7 @@ class FoundEvent:
     @property
     def clip(self) -> str:
         """The file that the run was made of, without folders; of annotations without ending."""
-        return clip_name(self.run)
+        return _clip_name(self.run)
 
     @property
     def when(self) -> str:
@@ -79,7 +79,7 @@ class FoundEvent:
             "clip": self.clip,
             "roles": dict(event.roles),
             "why": {key: None if math.isnan(p) else p for key, p in event.why.items()},
-            "notes": [NOT_CALIBRATED],
+            "notes": [_NOT_CALIBRATED],
         }
 
     def _moment(self, time_s: float) -> datetime | None:
@@ -231,7 +231,7 @@ class SearchResult:
         write_json(path, actev_json(instances, list(names.values())))
 
 
-def clip_name(run: Run) -> str:
+def _clip_name(run: Run) -> str:
     """The file that a run was made of, without folders; of annotations without their ending."""
     source = run.provenance.get("source") or run.provenance.get("annotations")
     if not isinstance(source, str) or "://" in source:
@@ -268,7 +268,7 @@ def actev_files(runs: list[Run]) -> dict[str, str]:
     """A name for each run's footage that the scorer takes: characters that it refuses become
     ``_``, and runs that would share one are named by themselves, which differ.
     """
-    names = {run.run: _REFUSED_BY_SCORER.sub("_", clip_name(run)) for run in runs}
+    names = {run.run: _REFUSED_BY_SCORER.sub("_", _clip_name(run)) for run in runs}
     count = Counter(names.values())
     return {
         run: _REFUSED_BY_SCORER.sub("_", run) if count[name] > 1 else name

@@ -95,6 +95,8 @@ class Scene:
         share one. Raises :class:`InputError` where there is no scene, one of another version, no
         row in all of them, or two calibrations under the name of one camera.
         """
+        if not scenes:
+            raise InputError("no scene is given, expected at least one")
         stored: list[_Stored] = []
         offset = 0
         for one in scenes:

@@ -16,7 +16,7 @@ _Meant = TypeVar("_Meant")
 
 
 @dataclass(frozen=True)
-class Referent:
+class _Referent:
     """Somebody in a search: the name of the role, its kind, and the classes that may play it."""
 
     name: str
@@ -32,7 +32,7 @@ class Discourse:
 
     text: str
     lexicon: Lexicon
-    people: dict[str, Referent] = field(default_factory=dict)
+    people: dict[str, _Referent] = field(default_factory=dict)
     mentions: tuple[str, ...] = ()
     subject: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -88,7 +88,7 @@ class Discourse:
         name, number = wanted, 2
         while name in self.people:
             name, number = f"{kind}_{number}", number + 1
-        self.people[name] = Referent(name, kind, tuple(classes))
+        self.people[name] = _Referent(name, kind, tuple(classes))
         self.mention(name)
         return name
 
@@ -170,7 +170,7 @@ def adjective_terms(noun: Noun, name: str, besides: Sequence[str] = ()) -> tuple
     )
 
 
-def _fits(referent: Referent, noun: Noun, classes: Sequence[str]) -> bool:
+def _fits(referent: _Referent, noun: Noun, classes: Sequence[str]) -> bool:
     """Whether somebody known may be meant: a car may be the vehicle, a truck is not the car."""
     if noun.kind not in ("any", referent.kind):
         return False

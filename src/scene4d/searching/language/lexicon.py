@@ -12,7 +12,7 @@ _VERB_BEFORE_NOUN = ("VERB", "AUX", "NOUN", "ADJ", "ADV")
 
 
 @dataclass(frozen=True)
-class NounEntry:
+class _NounEntry:
     """Words for whoever may play a role of ``kind``; ``note`` says what they claim too much."""
 
     kind: str
@@ -49,7 +49,7 @@ class Adjective:
 
 
 @dataclass(frozen=True)
-class VerbSet:
+class _VerbSet:
     """Verbs of one meaning; ``before`` limits them to where one of these words comes next."""
 
     words: tuple[str, ...]
@@ -60,11 +60,11 @@ class VerbSet:
 class Lexicon:
     """``lexicon.yaml`` as it stands there; see the comments of that file."""
 
-    nouns: tuple[NounEntry, ...]
+    nouns: tuple[_NounEntry, ...]
     pronouns: Mapping[str, tuple[str, ...]]
     articles: Mapping[str, tuple[str, ...]]
     things: Mapping[str, tuple[str, ...]]
-    verbs: Mapping[str, VerbSet]
+    verbs: Mapping[str, _VerbSet]
     separable: tuple[str, ...]
     joined: tuple[str, ...]
     sets: Mapping[str, tuple[str, ...]]
@@ -78,7 +78,7 @@ class Lexicon:
     day: Mapping[str, tuple[str, str]]
     assumed: Mapping[str, float]
 
-    def noun(self, word: str) -> NounEntry | None:
+    def noun(self, word: str) -> _NounEntry | None:
         """The entry that has this word."""
         return next((entry for entry in self.nouns if word in entry.words), None)
 
@@ -103,7 +103,7 @@ def read_lexicon() -> Lexicon:
     text = files(__package__).joinpath("lexicon.yaml").read_text(encoding="utf-8")
     data = yaml.safe_load(text)
     return Lexicon(
-        nouns=tuple(NounEntry(**_tuples(entry)) for entry in data["nouns"]),
+        nouns=tuple(_NounEntry(**_tuples(entry)) for entry in data["nouns"]),
         verbs={name: _verb_set(value) for name, value in data["verbs"].items()},
         separable=tuple(data["separable"]),
         joined=tuple(data["joined"]),
@@ -121,8 +121,8 @@ def _tuples(entry: Mapping) -> dict:
     return {k: tuple(v) if isinstance(v, list) else v for k, v in entry.items()}
 
 
-def _verb_set(value: list[str] | dict[str, list[str]]) -> VerbSet:
-    return VerbSet(**_tuples(value)) if isinstance(value, dict) else VerbSet(tuple(value))
+def _verb_set(value: list[str] | dict[str, list[str]]) -> _VerbSet:
+    return _VerbSet(**_tuples(value)) if isinstance(value, dict) else _VerbSet(tuple(value))
 
 
 def _by_factor(

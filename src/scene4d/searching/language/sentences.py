@@ -136,7 +136,7 @@ class Bound:
     span: Span
 
 
-Modifier = Said | Lasting | Bound
+_Modifier = Said | Lasting | Bound
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class Clause:
     subject: "Noun | Pair | None"
     polarity: Polarity
     core: "Done | Said | Choice"
-    modifiers: tuple["Modifier", ...]
+    modifiers: tuple["_Modifier", ...]
     span: Span
 
 

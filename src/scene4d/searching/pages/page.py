@@ -26,12 +26,12 @@ def write_page(result: SearchResult, out: Path, progress: Progress, command: str
         html = search_html(result, clips, command)
         out.mkdir(parents=True, exist_ok=True)
         with staged(out, [_EVENTS], _PAGE) as folder:
-            write_bytes(folder / _EVENTS, events_json(result).encode())
+            write_bytes(folder / _EVENTS, _events_json(result).encode())
             write_bytes(folder / _PAGE, html.encode())
     return out / _PAGE
 
 
-def events_json(result: SearchResult) -> str:
+def _events_json(result: SearchResult) -> str:
     """What ``--json`` prints of the search: every event, and what it was understood as."""
     head: dict[str, object] = {"schema": SEARCH_SCHEMA, "version": version("scene4d")}
     head |= {"warnings": list(result.asked.notes), "error": None}
