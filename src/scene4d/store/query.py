@@ -9,12 +9,12 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from dataclasses import replace
+from datetime import datetime
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import Any, TypedDict, Unpack
+from typing import Any, Unpack
 
 import numpy as np
 from arro3.core import DataType, Field, Table
@@ -24,10 +24,22 @@ from scene4d.core.errors import InputError, UnavailableError
 from scene4d.core.files import read_json
 from scene4d.core.text import quoted
 from scene4d.core.tracks import CLASSES, Tracks
+from scene4d.store.question import (
+    Question,
+    Stored,
+    check_range,
+    check_there,
+    conditions_of,
+    name_sql,
+    pattern_of,
+    reaches,
+    source_of,
+    text_sql,
+    with_nan,
+)
 from scene4d.store.runs import Part, Run, camera_path, complete_runs
 from scene4d.store.schema import COLUMN_NAMES, COLUMNS, KEYPOINT_COLUMNS, RUN_TRACKS, from_table
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _ALONE: dict[str, Any] = {
     # Else DuckDB fetches from the network what a query seems to need, and variables from Python.
     "autoinstall_known_extensions": "false",
@@ -35,43 +47,12 @@ _ALONE: dict[str, Any] = {
     "python_enable_replacements": "false",
 }
 
-_Moment = datetime | float | int
-"""A moment in UTC, or seconds from the start of a clip."""
 _Choice = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Track and time of every row; answers the numbers of those wanted."""
 _LEFT_OUT = {
     *("camera", "time", "class", "score", "shared_xx", "shared_xy", "shared_yy"),
     *KEYPOINT_COLUMNS,
 }
-_Rectangle = tuple[float | int, float | int, float | int, float | int]
-"""x0, y0, x1, y1 on the ground, in metres."""
-
-
-@dataclass(frozen=True)
-class _Stored:
-    """A run in its folder; ``track_offset`` keeps the tracks of several folders apart."""
-
-    folder: Path
-    run: Run
-    track_offset: int
-
-
-class Question(TypedDict, total=False):
-    """What rows are asked for; what is left out, or None, asks for all.
-
-    ``begin`` (included) and ``end`` (not included) are moments with a time zone, or seconds from
-    the clip's start; ``classes``, ``cameras`` and ``tracks`` mean one of these; ``within_m`` is a
-    rectangle (x0, y0, x1, y1) on the ground with its edges; ``observed`` says whether seen or
-    bridged.
-    """
-
-    begin: _Moment | None
-    end: _Moment | None
-    classes: Sequence[str] | None
-    cameras: Sequence[str] | None
-    tracks: Sequence[int] | np.ndarray | None
-    within_m: _Rectangle | None
-    observed: bool | None
 
 
 class Scene:
@@ -83,7 +64,7 @@ class Scene:
     Polars, pyarrow and DuckDB take as they are; a scene itself is such a table of all its rows.
     """
 
-    def __init__(self, stored: Sequence[_Stored], part_of: "Scene | None" = None) -> None:
+    def __init__(self, stored: Sequence[Stored], part_of: "Scene | None" = None) -> None:
         self._stored = tuple(stored)
         self._part_of = part_of
 
@@ -97,7 +78,7 @@ class Scene:
         """
         if not scenes:
             raise InputError("no scene is given, expected at least one")
-        stored: list[_Stored] = []
+        stored: list[Stored] = []
         offset = 0
         for one in scenes:
             here = one._stored if isinstance(one, Scene) else _stored_in(Path(one))
@@ -131,7 +112,7 @@ class Scene:
 
     def only(self, run: str) -> "Scene":
         """One of the runs, alone; raises :class:`InputError` for one that is not there."""
-        _check_there([run], [one.run.run for one in self._stored], "run")
+        check_there([run], [one.run.run for one in self._stored], "run")
         return Scene([one for one in self._stored if one.run.run == run], self)
 
     def __len__(self) -> int:
@@ -139,7 +120,7 @@ class Scene:
 
     def camera_file(self, camera: str) -> Path:
         """The calibration of a camera; raises :class:`InputError` for one that is not there."""
-        _check_there([camera], self.cameras, "camera")
+        check_there([camera], self.cameras, "camera")
         folder = next(one.folder for one in self._stored if one.run.camera == camera)
         return camera_path(folder, camera)
 
@@ -149,12 +130,12 @@ class Scene:
         ``columns`` names those wanted, in their order; see :mod:`scene4d.store.schema`.
         """
         names = COLUMN_NAMES if columns is None else tuple(columns)
-        _check_there(names, COLUMN_NAMES, "column")
-        return self._answer(asked, ", ".join(map(_name, names)))
+        check_there(names, COLUMN_NAMES, "column")
+        return self._answer(asked, ", ".join(map(name_sql, names)))
 
     def tracks(self, **asked: Unpack[Question]) -> Tracks:
         """The same as :class:`Tracks`, ordered by (track, time), numbered as in the scene."""
-        columns = ", ".join(map(_with_nan, COLUMNS))
+        columns = ", ".join(map(with_nan, COLUMNS))
         return from_table(self._answer(asked, columns, "ORDER BY track, time_s"))
 
     def to_pandas(self, **asked: Unpack[Question]) -> Any:
@@ -176,7 +157,7 @@ class Scene:
         step = max(1, -(-len(self) // most))
         found = self.sql(
             "SELECT track, class, x_m, y_m FROM scene "
-            f"WHERE camera = {_text(camera)} AND x_m IS NOT NULL "
+            f"WHERE camera = {text_sql(camera)} AND x_m IS NOT NULL "
             "WINDOW w AS (PARTITION BY track ORDER BY time_s) "
             f"QUALIFY (row_number() OVER w - 1) % {step} = 0 OR lead(track) OVER w IS NULL "
             "ORDER BY track, time_s"
@@ -209,8 +190,8 @@ class Scene:
         """All tracks without keypoints, scores and shared covariances, which take most of the room
         and time; of their rows those that ``choose`` picks, in its order, of (track, time_s).
         """
-        kinds = " ".join(f"WHEN {_text(name)} THEN {code}" for code, name in enumerate(CLASSES))
-        names = [_with_nan(column) for column in COLUMNS if column.name not in _LEFT_OUT]
+        kinds = " ".join(f"WHEN {text_sql(name)} THEN {code}" for code, name in enumerate(CLASSES))
+        names = [with_nan(column) for column in COLUMNS if column.name not in _LEFT_OUT]
         table = self.sql(
             f"SELECT {', '.join(names)}, (CASE class {kinds} END)::TINYINT AS class FROM scene"
         )
@@ -228,7 +209,7 @@ class Scene:
         _check_select(query)
         parts = [(one, part) for one in self._stored for part in one.run.parts]
         with self._asking(parts) as cursor:
-            cursor.execute(f"CREATE OR REPLACE TEMP VIEW scene AS {_source(parts)}")
+            cursor.execute(f"CREATE OR REPLACE TEMP VIEW scene AS {source_of(parts)}")
             return _in_utc(Table.from_arrow(cursor.sql(query)))
 
     def _answer(self, asked: Question, columns: str, order: str = "") -> Table:
@@ -237,25 +218,25 @@ class Scene:
             raise TypeError(
                 f"unknown keyword {unknown[0]!r}; known: {', '.join(Question.__annotations__)}"
             )
-        _check_range(asked.get("begin"), asked.get("end"))
+        check_range(asked.get("begin"), asked.get("end"))
         for name, there, what in (
             ("classes", self.classes, "class"),
             ("cameras", self.cameras, "camera"),
         ):
             wanted: Any = asked.get(name)
             if wanted is not None:
-                _check_there(wanted, there, what)
-        conditions = _conditions(asked)
+                check_there(wanted, there, what)
+        conditions = conditions_of(asked)
         parts = self._parts(asked)
         if not parts:  # the types are those of any part
             parts = next([(one, part)] for one in self._stored for part in one.run.parts)
             conditions.append("false")
         where = " AND ".join(conditions) or "true"
-        query = f"SELECT {columns} FROM ({_source(parts)}) WHERE {where} {order}"
+        query = f"SELECT {columns} FROM ({source_of(parts)}) WHERE {where} {order}"
         with self._asking(parts) as cursor:
             return _in_utc(Table.from_arrow(cursor.sql(query)))
 
-    def _parts(self, asked: Question) -> list[tuple[_Stored, Part]]:
+    def _parts(self, asked: Question) -> list[tuple[Stored, Part]]:
         """The files that can hold an answer."""
         cameras, begin, end = asked.get("cameras"), asked.get("begin"), asked.get("end")
         stored = [one for one in self._stored if cameras is None or one.run.camera in cameras]
@@ -269,7 +250,7 @@ class Scene:
             (one, part)
             for one in stored
             for part in one.run.parts
-            if _reaches(one.run, part, begin, end)
+            if reaches(one.run, part, begin, end)
         ]
 
     @cached_property
@@ -280,8 +261,8 @@ class Scene:
 
         connection = duckdb.connect(config=_ALONE)
         folders = {str((one.folder / "tracks").absolute()) for one in self._stored}
-        allowed = sorted(folders | {_pattern(folder) for folder in folders})
-        connection.execute(f"SET allowed_directories = [{', '.join(map(_text, allowed))}]")
+        allowed = sorted(folders | {pattern_of(folder) for folder in folders})
+        connection.execute(f"SET allowed_directories = [{', '.join(map(text_sql, allowed))}]")
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
         return connection
@@ -292,7 +273,7 @@ class Scene:
         return set() if self._part_of is None else self._part_of._verified
 
     @contextmanager
-    def _asking(self, parts: Sequence[tuple[_Stored, Part]]) -> Iterator[Any]:
+    def _asking(self, parts: Sequence[tuple[Stored, Part]]) -> Iterator[Any]:
         import duckdb
 
         for one, part in parts:
@@ -318,14 +299,14 @@ def _check_select(query: str) -> None:
         raise InputError(f"query: found {quoted(query)}, expected one SELECT")
 
 
-def _stored_in(folder: Path) -> list[_Stored]:
+def _stored_in(folder: Path) -> list[Stored]:
     runs = complete_runs(folder)
     if not runs:
         raise InputError(f"{folder}: holds no scene: no complete run in its folder runs/")
-    return [_Stored(folder, run, 0) for run in runs]
+    return [Stored(folder, run, 0) for run in runs]
 
 
-def _check_cameras(stored: Sequence[_Stored]) -> None:
+def _check_cameras(stored: Sequence[Stored]) -> None:
     said: dict[str, tuple[Path, Any]] = {}
     for one in stored:
         path = camera_path(one.folder, one.run.camera)
@@ -339,94 +320,6 @@ def _check_cameras(stored: Sequence[_Stored]) -> None:
                 f"{path}: camera {one.run.camera!r} has another calibration in {first}; open these "
                 "folders apart"
             )
-
-
-def _check_there(wanted: Sequence[str], there: Sequence[str] | dict[str, int], what: str) -> None:
-    if isinstance(wanted, str):
-        raise InputError(f"{what}: found the text {wanted!r}, expected a list of names")
-    if not len(wanted):
-        raise InputError(f"{what}: found an empty list, expected names, or None for all")
-    missing = [name for name in wanted if name not in there]
-    if missing:
-        raise InputError(f"{what} {missing[0]!r} is not in the scene; there: {', '.join(there)}")
-
-
-def _check_range(begin: _Moment | None, end: _Moment | None) -> None:
-    for name, moment in (("begin", begin), ("end", end)):
-        if isinstance(moment, datetime):
-            if moment.tzinfo is None:
-                raise InputError(f"{name}: {moment.isoformat()} has no time zone, expected one")
-        elif moment is not None and np.isnan(moment):
-            raise InputError(f"{name}: is NaN, expected seconds or a moment")
-    if begin is None or end is None:
-        return
-    if isinstance(begin, datetime) is not isinstance(end, datetime):
-        raise InputError("begin, end: one is a moment, one in seconds; expected the same of both")
-    if begin >= end:  # type: ignore[operator]
-        raise InputError(f"begin {begin} is not before end {end}")
-
-
-def _reaches(run: Run, part: Part, begin: _Moment | None, end: _Moment | None) -> bool:
-    """Whether a part can have rows in a range of time."""
-    first, last = (
-        _ns(moment) if isinstance(moment, datetime) else moment for moment in (begin, end)
-    )
-    in_ns = isinstance(begin, datetime) or isinstance(end, datetime)
-    part_begin = run.moment_ns(part.begin_s) if in_ns else part.begin_s
-    part_end = run.moment_ns(part.end_s) if in_ns else part.end_s
-    return (first is None or part_end >= first) and (last is None or part_begin < last)
-
-
-def _conditions(asked: Question) -> list[str]:
-    conditions = []
-    for sign, moment in ((">=", asked.get("begin")), ("<", asked.get("end"))):
-        if isinstance(moment, datetime):
-            utc = moment.astimezone(UTC).replace(tzinfo=None).isoformat(" ")
-            conditions.append(f"time {sign} '{utc}+00'::TIMESTAMPTZ_NS")
-        elif moment is not None:
-            conditions.append(f"time_s {sign} {_number(moment)}")
-    for name, wanted in (("class", asked.get("classes")), ("camera", asked.get("cameras"))):
-        if wanted is not None:
-            conditions.append(f"{_name(name)} IN ({', '.join(map(_text, wanted))})")
-    tracks, within_m, observed = asked.get("tracks"), asked.get("within_m"), asked.get("observed")
-    if tracks is not None:
-        numbers = ", ".join(str(int(track)) for track in tracks)
-        conditions.append(f"track IN ({numbers})" if numbers else "false")
-    if within_m is not None:
-        x0, y0, x1, y1 = within_m
-        if not (x0 <= x1 and y0 <= y1):
-            raise InputError(f"within_m: found {within_m}, expected x0 <= x1 and y0 <= y1")
-        conditions.append(f"x_m BETWEEN {_number(x0)} AND {_number(x1)}")
-        conditions.append(f"y_m BETWEEN {_number(y0)} AND {_number(y1)}")
-    if observed is not None:
-        conditions.append("observed" if observed else "NOT observed")
-    return conditions
-
-
-def _source(parts: Sequence[tuple[_Stored, Part]]) -> str:
-    """SQL for all rows of these parts, in their order."""
-    files: dict[int, list[str]] = {}
-    for one, part in parts:
-        files.setdefault(one.track_offset, []).append(
-            _text(_pattern(str((one.folder / part.path).absolute())))
-        )
-    return " UNION ALL ".join(
-        f"SELECT * {f'REPLACE (track + {offset} AS track)' if offset else ''} "
-        f"FROM read_parquet([{', '.join(paths)}], hive_partitioning = false)"
-        for offset, paths in files.items()
-    )
-
-
-def _with_nan(column: Any) -> str:
-    """A column as :func:`from_table` wants it."""
-    name = _name(column.name)
-    if column.name in KEYPOINT_COLUMNS:
-        return (
-            f"coalesce(list_transform({name}, lambda x: coalesce(x, 'nan'::FLOAT)), []) AS {name}"
-        )
-    if column.nullable:
-        return f"coalesce({name}, 'nan'::DOUBLE) AS {name}"
-    return name
 
 
 def _check_part(path: Path, run: Run, part: Part, *, known: bool) -> None:
@@ -465,25 +358,3 @@ def _in_utc(table: Table) -> Table:
         if DataType.is_timestamp(kind) and kind.tz is not None and kind != utc:
             table = table.set_column(i, Field(name, utc), table.column(i).cast(utc))
     return table
-
-
-def _ns(moment: datetime) -> int:
-    return (moment - _EPOCH) // timedelta(microseconds=1) * 1000
-
-
-def _name(name: str) -> str:
-    return '"' + name.replace('"', '""') + '"'
-
-
-def _text(value: str) -> str:
-    return "'" + value.replace("'", "''") + "'"
-
-
-def _number(value: float | int) -> str:
-    """Through text, since 0.1 is a decimal number in SQL."""
-    return f"'{float(value)!r}'::DOUBLE"
-
-
-def _pattern(path: str) -> str:
-    """A path as the pattern that only it matches."""
-    return "".join(f"[{c}]" if c in "[*?" else c for c in path)

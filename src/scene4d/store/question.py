@@ -1,0 +1,162 @@
+"""What can be asked of a scene, checked, and the SQL that asks it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any, TypedDict
+
+import numpy as np
+
+from scene4d.core.errors import InputError
+from scene4d.store.runs import Part, Run
+from scene4d.store.schema import KEYPOINT_COLUMNS
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+_Moment = datetime | float | int
+"""A moment in UTC, or seconds from the start of a clip."""
+_Rectangle = tuple[float | int, float | int, float | int, float | int]
+"""x0, y0, x1, y1 on the ground, in metres."""
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A run in its folder; ``track_offset`` keeps the tracks of several folders apart."""
+
+    folder: Path
+    run: Run
+    track_offset: int
+
+
+class Question(TypedDict, total=False):
+    """What rows are asked for; what is left out, or None, asks for all.
+
+    ``begin`` (included) and ``end`` (not included) are moments with a time zone, or seconds from
+    the clip's start; ``classes``, ``cameras`` and ``tracks`` mean one of these; ``within_m`` is a
+    rectangle (x0, y0, x1, y1) on the ground with its edges; ``observed`` says whether seen or
+    bridged.
+    """
+
+    begin: _Moment | None
+    end: _Moment | None
+    classes: Sequence[str] | None
+    cameras: Sequence[str] | None
+    tracks: Sequence[int] | np.ndarray | None
+    within_m: _Rectangle | None
+    observed: bool | None
+
+
+def check_there(wanted: Sequence[str], there: Sequence[str] | dict[str, int], what: str) -> None:
+    """Raise :class:`InputError` where a name that is wanted is not there."""
+    if isinstance(wanted, str):
+        raise InputError(f"{what}: found the text {wanted!r}, expected a list of names")
+    if not len(wanted):
+        raise InputError(f"{what}: found an empty list, expected names, or None for all")
+    missing = [name for name in wanted if name not in there]
+    if missing:
+        raise InputError(f"{what} {missing[0]!r} is not in the scene; there: {', '.join(there)}")
+
+
+def check_range(begin: _Moment | None, end: _Moment | None) -> None:
+    """Raise :class:`InputError` for a range of time without an answer."""
+    for name, moment in (("begin", begin), ("end", end)):
+        if isinstance(moment, datetime):
+            if moment.tzinfo is None:
+                raise InputError(f"{name}: {moment.isoformat()} has no time zone, expected one")
+        elif moment is not None and np.isnan(moment):
+            raise InputError(f"{name}: is NaN, expected seconds or a moment")
+    if begin is None or end is None:
+        return
+    if isinstance(begin, datetime) is not isinstance(end, datetime):
+        raise InputError("begin, end: one is a moment, one in seconds; expected the same of both")
+    if begin >= end:  # type: ignore[operator]
+        raise InputError(f"begin {begin} is not before end {end}")
+
+
+def reaches(run: Run, part: Part, begin: _Moment | None, end: _Moment | None) -> bool:
+    """Whether a part can have rows in a range of time."""
+    first, last = (
+        _ns(moment) if isinstance(moment, datetime) else moment for moment in (begin, end)
+    )
+    in_ns = isinstance(begin, datetime) or isinstance(end, datetime)
+    part_begin = run.moment_ns(part.begin_s) if in_ns else part.begin_s
+    part_end = run.moment_ns(part.end_s) if in_ns else part.end_s
+    return (first is None or part_end >= first) and (last is None or part_begin < last)
+
+
+def conditions_of(asked: Question) -> list[str]:
+    """SQL for what is asked for; all of the conditions must hold."""
+    conditions = []
+    for sign, moment in ((">=", asked.get("begin")), ("<", asked.get("end"))):
+        if isinstance(moment, datetime):
+            utc = moment.astimezone(UTC).replace(tzinfo=None).isoformat(" ")
+            conditions.append(f"time {sign} '{utc}+00'::TIMESTAMPTZ_NS")
+        elif moment is not None:
+            conditions.append(f"time_s {sign} {_number(moment)}")
+    for name, wanted in (("class", asked.get("classes")), ("camera", asked.get("cameras"))):
+        if wanted is not None:
+            conditions.append(f"{name_sql(name)} IN ({', '.join(map(text_sql, wanted))})")
+    tracks, within_m, observed = asked.get("tracks"), asked.get("within_m"), asked.get("observed")
+    if tracks is not None:
+        numbers = ", ".join(str(int(track)) for track in tracks)
+        conditions.append(f"track IN ({numbers})" if numbers else "false")
+    if within_m is not None:
+        x0, y0, x1, y1 = within_m
+        if not (x0 <= x1 and y0 <= y1):
+            raise InputError(f"within_m: found {within_m}, expected x0 <= x1 and y0 <= y1")
+        conditions.append(f"x_m BETWEEN {_number(x0)} AND {_number(x1)}")
+        conditions.append(f"y_m BETWEEN {_number(y0)} AND {_number(y1)}")
+    if observed is not None:
+        conditions.append("observed" if observed else "NOT observed")
+    return conditions
+
+
+def source_of(parts: Sequence[tuple[Stored, Part]]) -> str:
+    """SQL for all rows of these parts, in their order."""
+    files: dict[int, list[str]] = {}
+    for one, part in parts:
+        files.setdefault(one.track_offset, []).append(
+            text_sql(pattern_of(str((one.folder / part.path).absolute())))
+        )
+    return " UNION ALL ".join(
+        f"SELECT * {f'REPLACE (track + {offset} AS track)' if offset else ''} "
+        f"FROM read_parquet([{', '.join(paths)}], hive_partitioning = false)"
+        for offset, paths in files.items()
+    )
+
+
+def with_nan(column: Any) -> str:
+    """A column as :func:`from_table` wants it."""
+    name = name_sql(column.name)
+    if column.name in KEYPOINT_COLUMNS:
+        return (
+            f"coalesce(list_transform({name}, lambda x: coalesce(x, 'nan'::FLOAT)), []) AS {name}"
+        )
+    if column.nullable:
+        return f"coalesce({name}, 'nan'::DOUBLE) AS {name}"
+    return name
+
+
+def name_sql(name: str) -> str:
+    """The name of a column."""
+    return '"' + name.replace('"', '""') + '"'
+
+
+def text_sql(value: str) -> str:
+    """A text."""
+    return "'" + value.replace("'", "''") + "'"
+
+
+def _number(value: float | int) -> str:
+    """Through text, since 0.1 is a decimal number in SQL."""
+    return f"'{float(value)!r}'::DOUBLE"
+
+
+def pattern_of(path: str) -> str:
+    """A path as the pattern that only it matches."""
+    return "".join(f"[{c}]" if c in "[*?" else c for c in path)
+
+
+def _ns(moment: datetime) -> int:
+    return (moment - _EPOCH) // timedelta(microseconds=1) * 1000
