@@ -17,11 +17,13 @@ from scene4d.searching.pages.footage import footage_of
 from scene4d.store import Scene
 from scene4d.store.log import Look
 from scene4d.tracking import TrackOptions, track, watching
+from scene4d.tracking.annotated import looks_of
 from scene4d.tracking.belief import Belief
 from scene4d.tracking.following import follow
 from scene4d.video.frames import Frame, Source
 from walks import (
     CAMERA,
+    CAR,
     FPS,
     SIZE,
     car_box,
@@ -231,17 +233,12 @@ def test_a_stretch_without_people_is_exported_with_the_others(tmp_path):
 
 
 @pytest.mark.parametrize("last", [10**8, 3 * 10**9])
-def test_two_far_annotations_take_no_more_than_two(tmp_path, camera, last):
-    path = boxes_file(tmp_path, [(0, 1), (1, 1), (last, 1)])
-    run = track(None, camera, tmp_path / "s", TrackOptions(annotations=path, fps=25.0))
-    assert run.rows == 2  # frames 0 and 1 are in one slot of 10 Hz
-    assert Scene.open(tmp_path / "s").tracks().time_s.tolist() == [0.0, last / 25]
-
-
-def test_annotations_beyond_all_footage_are_refused(tmp_path, camera):
-    path = boxes_file(tmp_path, [(0, 1), (3 * 10**9, 1)])
-    with pytest.raises(InputError, match=r"boxes.txt: annotates frame 3000000000 .*less than 2e"):
-        track(None, camera, tmp_path / "s", TrackOptions(annotations=path, fps=1.0))
+def test_two_far_annotations_take_no_more_than_two(last):
+    """Frames 0 and 1 are in one slot of 10 Hz."""
+    found = Detections.from_boxes(SIZE, np.array([0, 1, last]), np.tile(car_box(CAR), (3, 1)))
+    (look,) = looks_of(found, 10.0, 25.0)
+    assert look.frame.tolist() == look.detections.frame.tolist() == [0, last]
+    assert look.time_s.tolist() == [0.0, last / 25]
 
 
 def test_short_pauses_between_annotated_frames_are_bridged_and_long_ones_are_not(tmp_path, camera):

@@ -47,6 +47,8 @@ _ALONE: dict[str, Any] = {
     "python_enable_replacements": "false",
 }
 
+_MOST_SHOWN = 4000
+"""Positions in a notebook's plan: more cannot be told apart."""
 _Choice = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Track and time of every row; answers the numbers of those wanted."""
 _LEFT_OUT = {
@@ -182,9 +184,17 @@ class Scene:
         return dict(zip(found["class"].to_pylist(), found["n"].to_pylist(), strict=True))
 
     def _repr_html_(self) -> str:
-        from scene4d.store.notebook import scene_html
+        from scene4d.core.notebook import beside, plan_svg
 
-        return scene_html(self)
+        length_s = sum(end - begin for begin, end in (r.span_s for r in self.runs if r.span_s))
+        said = {
+            "Cameras": ", ".join(self.cameras),
+            "Runs": str(len(self.runs)),
+            "Rows": ", ".join(f"{rows:,} x {name}" for name, rows in self.classes.items()),
+            "Footage": f"{length_s:.1f} s",
+        }
+        plans = [plan_svg(self.paths(one, _MOST_SHOWN).values()) for one in self.cameras[:1]]
+        return beside(said, "".join(plans))
 
     def lean_tracks(self, choose: _Choice) -> Tracks:
         """All tracks without keypoints, scores and shared covariances, which take most of the room

@@ -27,16 +27,24 @@ from scene4d.tracking.motion_model import (
     repeated,
 )
 
-_STAYS_S = 1.0  # how long something slow may go on moving once it is out of sight
-_DRIFT_S = 0.5  # over so long the speed in the image is averaged
-_MEAN_HIDDEN = 3.0  # so many times shorter than its memory something is hidden on average
-_NEW_SHARE = 0.2  # of a new sighting in a track's height and colours
+# Chosen by hand with the settings below.
+_STAYS_S = 1.0
+"""How long something slow may go on moving once it is out of sight."""
+_DRIFT_S = 0.5
+"""The speed in the image is averaged over so long: about one step of a walker."""
+_MEAN_HIDDEN = 3.0
+"""So many times shorter than its memory something is hidden on average: e^-3 is 5 %."""
+_NEW_SHARE = 0.2
+"""Share of a new sighting in a track's height and colours: five sightings, half a second."""
 
 
 @dataclass(frozen=True)
 class AssociationSettings:
-    """Costs are -2 log likelihood ratios. Round numbers; ``size_sigma`` was raised from 0.1 after
-    a look at scores on PETS S2L1, where boxes of Faster R-CNN jitter by that much.
+    """What association takes for granted; costs are -2 log likelihood ratios.
+
+    All are round numbers chosen by hand; ``python -m benchmarks.tracking`` scores the result on
+    PETS S2L1. ``size_sigma`` was raised from 0.1 after a look at these scores: boxes of Faster
+    R-CNN jitter by that much.
     """
 
     memory_s: float = 3.0

@@ -20,11 +20,15 @@ from scene4d.core.camera import Camera
 from scene4d.tracking.vehicle_shapes import VehicleShape
 
 _ITERATIONS = 7
+"""Steps of Levenberg-Marquardt. Chosen by hand."""
 _MIN_DEPTH_M = 0.1
+"""Nearer to the camera nothing is projected."""
 _HEADING, _X, _Y = 3, 4, 5
 _N = 6
-_LARGEST_STEP = np.array([0.3, 0.3, 0.3, 0.4])  # log dimensions and radians
-_OUTWARD = np.array([-1.0, -1.0, 1.0, 1.0])  # left, top, right, bottom
+_LARGEST_STEP = np.array([0.3, 0.3, 0.3, 0.4])
+"""Log dimensions and radians: the outline's active points change beyond. Chosen by hand."""
+_OUTWARD = np.array([-1.0, -1.0, 1.0, 1.0])
+"""Left, top, right, bottom."""
 
 
 @dataclass(frozen=True, eq=False)

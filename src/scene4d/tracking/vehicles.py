@@ -18,17 +18,19 @@ from scene4d.tracking.vehicle_fit import Bells, Boxes, Fits, fit
 from scene4d.tracking.vehicle_shapes import SHAPES
 
 _BELLS = 8
-"""Headings from which a vehicle is fitted."""
-BIAS_SHARE = 0.03
+"""Headings from which a vehicle is fitted, 22.5 degrees apart over half a turn. Chosen by hand;
+``python -m benchmarks.vehicle_positions`` measures what comes of it, as of the errors below."""
+_BIAS_SHARE = 0.03
 """Error of a box's edge that all frames have in common, as a share of the box's width or height:
-the detector's habit, and how this vehicle differs from a typical outline."""
+the detector's habit, and how this vehicle differs from a typical outline. Chosen by hand."""
 JITTER_SHARE = 0.02
-"""Error of a box's edge that is new in every frame, as the same share."""
+"""Error of a box's edge that is new in every frame, as the same share. Chosen by hand."""
 _FLOOR_PX = 1.0
-"""The least of both errors, in pixels."""
+"""The least of both errors, in pixels: boxes are rounded."""
 _BORDER_SHARE = 0.0025
 """A box that comes as near to the picture's border, as a share of its width or height, is cut."""
 _LEAST_BORDER_PX = 2.0
+"""The same at least, in pixels: detectors clip at the border, and round. Chosen by hand."""
 _USELESS_HEADING_RAD = 0.8
 """A heading with a larger standard deviation does not tell front from back: it is not used."""
 _LIKELY_MISFIT = 6.0
@@ -37,9 +39,12 @@ half-hidden vehicle, or one that stands on another level, they misfit more: the 
 proportion."""
 _MOST_MISFIT = 200.0
 """A box that misfits more is no vehicle on the ground: it has no place."""
-_MOST_SPREAD = 0.5  # of the distance: beyond, a position is not determined
-_MOST_HEADING_SIGMA = 0.7  # of an axis; no knowledge at all is π / √12 = 0.91
-_CHUNK = 512  # vehicles at a time: their arrays stay in the processor's cache
+_MOST_SPREAD = 0.5
+"""Share of the distance: a position that errs by more is not determined. Chosen by hand."""
+_MOST_HEADING_SIGMA = 0.7
+"""Radians: an axis less sure than this is none; no knowledge at all is π / √12 = 0.91."""
+_CHUNK = 512
+"""Vehicles at a time: their arrays stay in the processor's cache."""
 
 
 def locate_vehicles(
@@ -65,7 +70,7 @@ def locate_vehicles(
     camera is of another image size or a heading comes without its spread.
     """
     boxes = _proper(detections.box_xyxy)
-    sigma = np.hypot(_box_noise(boxes, BIAS_SHARE), _box_noise(boxes, JITTER_SHARE))
+    sigma = np.hypot(_box_noise(boxes, _BIAS_SHARE), _box_noise(boxes, JITTER_SHARE))
     headings = _headings(len(detections), heading_rad, heading_sigma_rad)
     table = replace(detections, box_xyxy=boxes)
     return _locate(table, camera, sigma, *headings, bottom_hidden)
