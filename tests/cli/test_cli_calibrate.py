@@ -209,4 +209,4 @@ def test_the_format_of_annotations_can_be_named(run, known, scene, tmp_path):
     assert unknown.exit_code == 1 and "mot" in unknown.stderr and "kpf" in unknown.stderr
     scene["boxes"].write_text("hello\n")
     unclear = run(*known, "--out", tmp_path / "b")
-    assert unclear.exit_code == 1 and "name the format" in unclear.stderr
+    assert unclear.exit_code == 1 and "give its format" in unclear.stderr

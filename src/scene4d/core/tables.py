@@ -31,13 +31,14 @@ def arrow_table(columns: Mapping[str, np.ndarray]) -> Table:
     return Table.from_pydict({name: _arrow(name, values) for name, values in columns.items()})
 
 
-def data_frame(columns: Mapping[str, np.ndarray]) -> Any:
+def data_frame(columns: Mapping[str, Any] | Table) -> Any:
     """The columns as a pandas DataFrame; raises :class:`UnavailableError` without pandas."""
     try:
         import pandas as pd  # type: ignore[import-untyped]
     except ImportError as error:
-        raise UnavailableError("to_pandas needs pandas: pip install pandas") from error
-    return pd.DataFrame(dict(columns))
+        raise UnavailableError("to_pandas needs pandas: pip install 'scene4d[pandas]'") from error
+    arrow = isinstance(columns, Table)
+    return pd.DataFrame.from_arrow(columns) if arrow else pd.DataFrame(dict(columns))
 
 
 def write_people(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray]) -> None:

@@ -11,9 +11,9 @@ from html import escape
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-from scene4d.core.errors import UnavailableError
 from scene4d.core.files import write_json
 from scene4d.core.progress import Progress, Silent
+from scene4d.core.tables import data_frame
 from scene4d.core.tracks import Tracks
 from scene4d.searching.activities.events import Event
 from scene4d.searching.activities.search import LEAST_SCORE
@@ -165,11 +165,7 @@ class SearchResult:
 
     def to_pandas(self) -> Any:
         """The events as a pandas DataFrame; needs pandas."""
-        try:
-            import pandas as pd  # type: ignore[import-untyped]
-        except ImportError as error:
-            raise UnavailableError("to_pandas needs pandas: pip install pandas") from error
-        return pd.DataFrame({name: values for name, (_, values) in self._columns().items()})
+        return data_frame({name: values for name, (_, values) in self._columns().items()})
 
     def _repr_html_(self) -> str:
         """The best events as a table, and the very best in a plan."""

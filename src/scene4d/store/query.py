@@ -12,7 +12,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -20,8 +19,9 @@ import numpy as np
 from arro3.core import DataType, Field, Table
 from jaxtyping import Float
 
-from scene4d.core.errors import InputError, UnavailableError
+from scene4d.core.errors import InputError
 from scene4d.core.files import read_json
+from scene4d.core.tables import data_frame
 from scene4d.core.text import quoted
 from scene4d.core.tracks import CLASSES, Tracks
 from scene4d.store.question import (
@@ -142,11 +142,7 @@ class Scene:
 
     def to_pandas(self, **asked: Unpack[Question]) -> Any:
         """The same as a pandas ``DataFrame``; raises :class:`UnavailableError` without pandas."""
-        try:
-            pandas = import_module("pandas")
-        except ImportError as error:
-            raise UnavailableError("to_pandas needs pandas: pip install pandas") from error
-        return pandas.DataFrame.from_arrow(self.rows(**asked))
+        return data_frame(self.rows(**asked))
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
         """All rows, for any library that speaks Arrow's C interface."""
