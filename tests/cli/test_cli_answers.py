@@ -76,6 +76,13 @@ def test_quiet_tells_errors_alone_and_verbose_tells_all():
     assert program(told)("-q").stderr == ""
     assert "scene4d: a detail" in program(told)("--verbose").stderr
 
+    def staged(job: Job) -> Answer:
+        with job.progress() as progress, progress.stage("Working", None):
+            return Answer({}, lambda: None)
+
+    assert program(staged)().stderr == ""
+    assert program(staged)("-v").stderr.startswith("scene4d: Working: 0.")
+
     def broken(job: Job) -> Answer:
         with job.progress() as progress, progress.stage("Working", None):
             raise InputError("x.json: field focal_px: found -1; give pixels")

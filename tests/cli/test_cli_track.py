@@ -66,7 +66,7 @@ def test_a_scene_on_the_earth(run, tracked, tmp_path, camera):
     features = json.loads(out.read_text())["features"]
     assert len(features) == len(np.unique(Scene.open(tracked).tracks().track))
     alone = run("export", tracked, "--to", "geojson", "--out", out)
-    assert alone.exit_code == 1 and "--anchor" in alone.stderr
+    assert alone.exit_code == 1 and "anchor of two or more ground points" in alone.stderr
     one = run("export", tracked, "--to", "geojson", "--out", out, *told[:2])
     assert one.exit_code == 1 and "two" in one.stderr.lower()
     wrong = run("export", tracked, "--to", "geojson", "--out", out, "--anchor", "1,2,3")

@@ -69,12 +69,13 @@ class Job:
 
     as_json: bool = False
     quiet: bool = False
+    verbose: bool = False
 
     def progress(self) -> AbstractContextManager[Progress]:
         """Who shows the progress of the command."""
         from scene4d.cli.progress import shown
 
-        return nullcontext(Silent()) if self.quiet else shown()
+        return nullcontext(Silent()) if self.quiet else shown(verbose=self.verbose)
 
 
 def command(
@@ -93,7 +94,10 @@ def command(
         ) -> None:
             with _Messages(quiet=quiet, verbose=verbose) as messages:
                 code = _run(
-                    name, lambda: work(Job(as_json, quiet), *args, **own), messages, as_json=as_json
+                    name,
+                    lambda: work(Job(as_json, quiet, verbose), *args, **own),
+                    messages,
+                    as_json=as_json,
                 )
             if code != _DONE:
                 raise typer.Exit(code)

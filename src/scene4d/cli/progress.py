@@ -26,9 +26,15 @@ _REMIND_S = 30.0
 
 
 @contextmanager
-def shown() -> Iterator[Progress]:
-    """Who shows the progress of a command; what it draws is gone when the command ends."""
+def shown(*, verbose: bool = False) -> Iterator[Progress]:
+    """Who shows the progress of a command; what it draws is gone when the command ends.
+
+    ``verbose`` tells every stage and how long it took, in lines that stay.
+    """
     console = Console(stderr=True)
+    if verbose:
+        yield EveryStage()
+        return
     if not _draws(console):
         yield Lines()
         return
@@ -56,7 +62,7 @@ class Bars:
 
     @contextmanager
     def stage(self, title: str, total: int | None) -> Iterator[Advance]:
-        """See :class:`scene4d.calibration.Progress`."""
+        """See :class:`scene4d.core.progress.Progress`."""
         task = self._bars.add_task(title, total=total)
         try:
             yield lambda steps: self._bars.advance(task, steps)
@@ -68,8 +74,20 @@ class Lines:
     """A line when a stage has taken two seconds, and every half minute, for pipes and log files."""
 
     def stage(self, title: str, total: int | None) -> AbstractContextManager[Advance]:
-        """See :class:`scene4d.calibration.Progress`."""
+        """See :class:`scene4d.core.progress.Progress`."""
         return _told_if_slow(title, total)
+
+
+class EveryStage:
+    """A line for every stage when it has ended."""
+
+    @contextmanager
+    def stage(self, title: str, total: int | None) -> Iterator[Advance]:
+        """See :class:`scene4d.core.progress.Progress`."""
+        begun_s = time.monotonic()
+        with _told_if_slow(title, total) as advance:
+            yield advance
+        say(f"scene4d: {title}: {time.monotonic() - begun_s:.1f} s")
 
 
 @contextmanager

@@ -1,14 +1,11 @@
 """Who shows progress, and how long each stage took."""
 
-import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Protocol, runtime_checkable
 
 Advance = Callable[[int], None]
-
-_LOG = logging.getLogger(__name__)
 
 
 @runtime_checkable
@@ -33,6 +30,4 @@ def timed(timings: dict[str, float], name: str) -> Iterator[None]:
     """Add the seconds spent inside to ``timings[name]``."""
     begun = time.perf_counter()
     yield
-    taken_s = time.perf_counter() - begun
-    _LOG.info("%s took %.2f s", name, taken_s)
-    timings[name] = timings.get(name, 0.0) + taken_s
+    timings[name] = timings.get(name, 0.0) + time.perf_counter() - begun
