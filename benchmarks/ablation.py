@@ -19,7 +19,12 @@ from unittest import mock
 
 import numpy as np
 
-from scene4d.calibration import body, joint, person_segments, prior, refine, solve, solve_segments
+from scene4d.calibration import _body as body
+from scene4d.calibration import _joint as joint
+from scene4d.calibration import _prior as prior
+from scene4d.calibration import _refine as refine
+from scene4d.calibration import _solve as solve
+from scene4d.calibration import person_segments, solve_segments
 from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.watching import Seen, watch
 from scene4d.core.calibration import Calibration

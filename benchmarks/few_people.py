@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.tables import markdown
 from scene4d.calibration import person_segments
-from scene4d.calibration.guess import solve_guided
+from scene4d.calibration._guess import solve_guided
 from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.watching import Seen, watch
 from scene4d.core.calibration import Calibration

@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.scenes import CAMERAS, draw_people
 from benchmarks.tables import Rows
 from scene4d import solve_camera
-from scene4d.evaluation.measures.near import near_pairs
+from scene4d.evaluation.measures._near import near_pairs
 from scene4d.perception.detectors.tiles import choose_tiles
 from scene4d.perception.detectors.yolox import YoloxDetector
 from scene4d.perception.keypoints import KeypointEstimator

@@ -15,8 +15,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from scene4d.core.progress import Silent
-from scene4d.evaluation.datasets.meva import meva_clips
-from scene4d.evaluation.options import TUNED
+from scene4d.evaluation._options import TUNED
+from scene4d.evaluation.datasets._meva import meva_clips
 from scene4d.evaluation.trials.activities import (
     FALSE_PER_MINUTE,
     METHODS,

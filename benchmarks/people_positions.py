@@ -25,13 +25,13 @@ from scene4d.core.tracks import Located
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
 from scene4d.perception.people import PeopleDetector, detect_people
-from scene4d.tracking.people import (
+from scene4d.tracking._people import (
     BODY_SIGMA_M,
     explain_people,
     locate_people,
 )
-from scene4d.tracking.people_placing import Placed, Seen, at_height, on_the_ground, pixel_sigma
-from scene4d.tracking.people_points import (
+from scene4d.tracking._people_placing import Placed, Seen, at_height, on_the_ground, pixel_sigma
+from scene4d.tracking._people_points import (
     BOTH_FEET,
     BOX_BOTTOM,
     BOX_SHARE,
@@ -41,7 +41,7 @@ from scene4d.tracking.people_points import (
     ONE_FOOT,
     Ends,
 )
-from scene4d.tracking.rays import Rays
+from scene4d.tracking._rays import Rays
 from scene4d.video.reader import open_source
 
 ROOT = Path(__file__).parents[1]

@@ -16,10 +16,12 @@ from pathlib import Path
 from unittest.mock import patch
 
 from scene4d.core.progress import Silent
-from scene4d.evaluation.datasets import meva
-from scene4d.evaluation.options import TUNED
+from scene4d.evaluation._options import TUNED
+from scene4d.evaluation.datasets import _meva as meva
 from scene4d.evaluation.trials.activities import OURS, labelled_activities, ranked_by
-from scene4d.searching.activities import compose, evidence, identity
+from scene4d.searching.activities import _compose as compose
+from scene4d.searching.activities import _evidence as evidence
+from scene4d.searching.activities import identity
 
 CONSTANTS = (
     (compose, "STRETCH", (0.02, 0.08)),

@@ -22,8 +22,8 @@ from typing import Any  # noqa: E402
 IMPORTS = "start, import"
 STAGES = (
     ("scene4d.searching", "understand", "understand the words"),
-    ("scene4d.searching.entry", "lean_tracks", "read"),
-    ("scene4d.searching.entry", "staged_run", "read"),
+    ("scene4d.searching._entry", "lean_tracks", "read"),
+    ("scene4d.searching._entry", "staged_run", "read"),
     ("scene4d.searching.activities.search", "cast", "cast"),
     ("scene4d.searching.activities.search", "gather", "judge"),
     ("scene4d.searching.activities.search", "_align", "align"),

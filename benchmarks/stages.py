@@ -22,12 +22,12 @@ from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.writing import write
 from scene4d.core.progress import Silent
 from scene4d.perception import objects as objects_module
+from scene4d.perception._session import open_session
+from scene4d.perception._tracking import Tracker
 from scene4d.perception.detectors.tiles import INPUT_PX
 from scene4d.perception.detectors.yolox import YoloxDetector
 from scene4d.perception.keypoints import BATCH, INPUT_SIZE, KeypointEstimator
 from scene4d.perception.people import PeopleDetector
-from scene4d.perception.session import open_session
-from scene4d.perception.tracking import Tracker
 from scene4d.perception.weights import weight_path
 from scene4d.video import sampling
 from scene4d.video.background import Background

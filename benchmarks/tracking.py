@@ -26,11 +26,11 @@ from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
-from scene4d.tracking.fixed_lag import FixedLagSmoother
-from scene4d.tracking.people import locate_people
-from scene4d.tracking.sightings import Sightings
-from scene4d.tracking.smoothing import Smoothed, smooth
-from scene4d.tracking.vehicles import locate_vehicles
+from scene4d.tracking._fixed_lag import FixedLagSmoother
+from scene4d.tracking._people import locate_people
+from scene4d.tracking._sightings import Sightings
+from scene4d.tracking._smoothing import Smoothed, smooth
+from scene4d.tracking._vehicles import locate_vehicles
 
 ROOT = Path(__file__).parents[1]
 PETS_FPS, PETS_FRAMES = 10.0, 795

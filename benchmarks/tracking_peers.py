@@ -14,8 +14,8 @@ import numpy as np
 
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
-from scene4d.perception.tracking import Tracker
-from scene4d.tracking.association import GroundTracker
+from scene4d.perception._tracking import Tracker
+from scene4d.tracking._association import GroundTracker
 
 Update = Callable[[float, Detections, Located, np.ndarray | None], np.ndarray]
 """Track numbers of one frame's detections."""

@@ -29,7 +29,7 @@ from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import write_camera
 from scene4d.store.query import Scene
 from scene4d.tracking import track
-from scene4d.tracking.people import locate_people
+from scene4d.tracking._people import locate_people
 
 ROOT = Path(__file__).parents[1]
 BEGIN, END = "<!-- tracks: begin -->", "<!-- tracks: end -->"

@@ -23,9 +23,9 @@ from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
-from scene4d.tracking.vehicle_fit import Bells, Boxes, fit
-from scene4d.tracking.vehicle_shapes import CUBOID, SHAPES
-from scene4d.tracking.vehicles import JITTER_SHARE, locate_vehicles
+from scene4d.tracking._vehicle_fit import Bells, Boxes, fit
+from scene4d.tracking._vehicle_shapes import CUBOID, SHAPES
+from scene4d.tracking._vehicles import JITTER_SHARE, locate_vehicles
 
 ROOT = Path(__file__).parents[1]
 NOISE_SHARE, NOISE_PX = 0.036, 1.4

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from scene4d.core.body import HALPE26
 from scene4d.core.tracks import Tracks
 from scene4d.searching.predicates import Stage
-from scene4d.searching.predicates.registry import PREDICATES
+from scene4d.searching.predicates._registry import PREDICATES
 
 BLUE, RED, GREEN, ORANGE = "#1f5fa8", "#c0392b", "#1e8449", "#d68910"
 STEP_S = 0.2

@@ -43,7 +43,7 @@ def test_type_checkers_see_the_same_names():
 def test_a_star_import_in_a_fresh_process_does_not_hide_functions_behind_rooms():
     """A package of a function's name would take its place once the package is imported."""
     program = (
-        "import scene4d.searching.entry, scene4d.tracking.running, scene4d.calibration.solve\n"
+        "import scene4d.searching._entry, scene4d.tracking._running, scene4d.calibration._solve\n"
         "from scene4d import *\n"
         "print(*(callable(one) for one in (calibrate, track, search, solve_camera)))"
     )

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from scene4d.perception.orientation import Belief, OrientationNetwork, PoseReader, fused, modal
-from scene4d.perception.orientation.lines import line_log_likelihood
+from scene4d.perception.orientation._lines import line_log_likelihood
 from training.cases import (
     Case,
     blurred,

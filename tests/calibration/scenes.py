@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scene4d.calibration import solve_segments
-from scene4d.calibration.body import Points
+from scene4d.calibration._body import Points
 from scene4d.calibration.options import POINTS
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import FOOT_HEIGHT_M, parameters_of, solver_points
 
-from scene4d.calibration.body import (
+from scene4d.calibration._body import (
     predict_heads,
     undistort,
     up_vector,

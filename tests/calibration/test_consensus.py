@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from scene4d.calibration._linear import height_system
 from scene4d.calibration.consensus import (
     Intervals,
     exact_consensus,
     inlier_intervals,
     ransac_consensus,
 )
-from scene4d.calibration.linear import height_system
 from scene4d.core.camera import Camera
 from strategies import build_camera, build_lens, cameras_over_people, people_scene
 

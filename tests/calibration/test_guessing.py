@@ -9,8 +9,8 @@ import pytest
 import scene4d
 from readings import belief_of, reading_of
 from scene4d.calibration import CalibrateOptions
+from scene4d.calibration._guess import NETWORK_WIDENING, as_guess, solve_guided
 from scene4d.calibration.calibrating import NO_PICTURES
-from scene4d.calibration.guess import NETWORK_WIDENING, as_guess, solve_guided
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
@@ -107,7 +107,7 @@ def test_a_network_that_knows_nothing_changes_nothing(crowd):
 @pytest.fixture
 def not_widened(monkeypatch):
     """As if the network were as good on a user's camera as on its own pictures."""
-    monkeypatch.setattr("scene4d.calibration.guess.NETWORK_WIDENING", 1.0)
+    monkeypatch.setattr("scene4d.calibration._guess.NETWORK_WIDENING", 1.0)
 
 
 @pytest.mark.usefixtures("not_widened")

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene4d.calibration.linear import height_system, person_equations
+from scene4d.calibration._linear import height_system, person_equations
 from scene4d.core.errors import InputError
 from strategies import build_camera, build_lens, cameras_over_people, people_scene
 

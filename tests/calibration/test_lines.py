@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import draw_scene, half_diagonal, solve_points
 
-from scene4d.calibration.body import Points
-from scene4d.calibration.lines import Lines, best_azimuths, directions, line_terms
-from scene4d.calibration.prior import Prior
-from scene4d.calibration.refine import Noise, Problem, State, linearise, minimise
+from scene4d.calibration._body import Points
+from scene4d.calibration._lines import Lines, best_azimuths, directions, line_terms
+from scene4d.calibration._prior import Prior
+from scene4d.calibration._refine import Noise, Problem, State, linearise, minimise
 from scene4d.core.camera import Camera
 from scene4d.core.people import Segments
 from strategies import build_camera, build_lens, ground_in_view

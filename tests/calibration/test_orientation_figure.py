@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import report_scenes as scenes
-from scene4d.calibration.report.captions import caption
-from scene4d.calibration.report.orientation import draw_orientation, horizon_rows
+from scene4d.calibration.report._captions import caption
+from scene4d.calibration.report._orientation import draw_orientation, horizon_rows
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.geometry import horizon_line

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene4d.calibration.body import FOCAL, ROLL, TILT
-from scene4d.calibration.prior import default_prior
+from scene4d.calibration._body import FOCAL, ROLL, TILT
+from scene4d.calibration._prior import default_prior
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
 

@@ -10,10 +10,10 @@ from scenes import Scene, draw_scene, parameters_of, solver_points
 from test_lines import chaos, in_frame, town
 
 from scene4d import solve_camera
-from scene4d.calibration.joint import position_weights, solve
-from scene4d.calibration.prior import Prior, default_prior
-from scene4d.calibration.refine import Noise, Problem, State, linearise, minimise, normal_equations
-from scene4d.calibration.uncertainty import covariance
+from scene4d.calibration._joint import position_weights, solve
+from scene4d.calibration._prior import Prior, default_prior
+from scene4d.calibration._refine import Noise, Problem, State, linearise, minimise, normal_equations
+from scene4d.calibration._uncertainty import covariance
 from scene4d.core.orientation import Orientation
 
 SEED = st.integers(0, 2**32 - 1)

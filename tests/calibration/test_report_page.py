@@ -15,7 +15,7 @@ import pytest
 import report_scenes as scenes
 from scene4d.calibration import CalibrateOptions
 from scene4d.calibration.calibrating import Run, run_detections
-from scene4d.calibration.report.page import FIGURES, report_files
+from scene4d.calibration.report._page import FIGURES, report_files
 from scene4d.calibration.writing import write
 from scene4d.core.errors import InputError
 from scene4d.core.progress import Silent
@@ -331,7 +331,7 @@ def test_seconds():
 
 def test_importing_the_layer_is_light():
     code = (
-        "import sys, scene4d.calibration.report.page\n"
+        "import sys, scene4d.calibration.report._page\n"
         "print([m for m in ('matplotlib', 'cv2', 'jinja2', 'scipy') if m in sys.modules])"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -346,7 +346,7 @@ def test_no_pyplot_and_no_change_of_global_settings(tmp_path):
     assert dict(matplotlib.rcParams) == before
     code = (
         "import sys\nfrom scene4d.drawing import birdseye, histogram, overlay\n"
-        "from scene4d.calibration.report import errormap\n"
+        "from scene4d.calibration.report import _errormap as errormap\n"
         "print('matplotlib.pyplot' in sys.modules)"
     )
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -7,7 +7,7 @@ import pytest
 from scenes import draw_scene, solve_points
 
 from scene4d.calibration import person_segments
-from scene4d.calibration.segments import MIN_LENGTH_PX
+from scene4d.calibration._segments import MIN_LENGTH_PX
 from scene4d.core.body import COCO17, HALPE26, MIN_KEYPOINT_SCORE
 from scene4d.core.people import Detections
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from cli_scenes import PROGRAM, SIZE, mot_text, people
 from typer.testing import CliRunner, Result
 
+from cli_scenes import PROGRAM, SIZE, mot_text, people
 from scene4d.cli.app import app
 from scene4d.core.camera import Camera
 from scene4d.core.errors import UnavailableError
@@ -98,4 +98,4 @@ def pets_images(pets: Path) -> list[np.ndarray]:
 @pytest.fixture
 def plain_report(monkeypatch: pytest.MonkeyPatch) -> None:
     """Reports without figures, which take seconds, where they are not the matter."""
-    monkeypatch.setattr("scene4d.calibration.report.page._draw", lambda *_: {})
+    monkeypatch.setattr("scene4d.calibration.report._page._draw", lambda *_: {})

@@ -60,7 +60,7 @@ def test_with_the_video_but_no_networks_the_report_shows_the_scene(
     shutil.copy(pets, no_network / "samples" / "vtest.avi")
     shown = []
     monkeypatch.setattr(
-        "scene4d.calibration.report.page._draw", lambda run, _: shown.append(run.image_bgr) or {}
+        "scene4d.calibration.report._page._draw", lambda run, _: shown.append(run.image_bgr) or {}
     )
     done = run("demo", "--out", tmp_path / "out")
     assert done.exit_code == 0, done.stderr

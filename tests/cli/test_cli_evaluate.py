@@ -119,7 +119,7 @@ def pick(rows: list[dict], footage: str, method: str, given: str, height_m: floa
 @pytest.fixture
 def two_heights(monkeypatch) -> None:
     """The default height and the one that the assertions are about, instead of all four."""
-    monkeypatch.setattr("scene4d.evaluation.trials.cameras.HEIGHTS_M", (1.70, 1.7018))
+    monkeypatch.setattr("scene4d.evaluation.trials._cameras.HEIGHTS_M", (1.70, 1.7018))
 
 
 def thinned(path: Path, folder: Path, every: int) -> None:

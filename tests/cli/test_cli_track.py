@@ -11,7 +11,7 @@ from scene4d.evaluation import pets as pets_reference
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import write_camera
 from scene4d.store.query import Scene
-from scene4d.tracking.people import locate_people
+from scene4d.tracking._people import locate_people
 
 FRAMES = 40
 

@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import report_scenes as scenes
-from scene4d.calibration.report.errormap import error_grid
+from scene4d.calibration.report._errormap import error_grid
 from scene4d.drawing import ground
+from scene4d.drawing._uncertainty import field_of_view, propagated
 from scene4d.drawing.birdseye import rectify, wedge, with_camera
 from scene4d.drawing.scenery import image_of
-from scene4d.drawing.uncertainty import field_of_view, propagated
 
 
 @pytest.mark.parametrize("distortion", [(0.0,) * 5, (-0.25, 0.05, 0.001, -0.001, 0.0)])

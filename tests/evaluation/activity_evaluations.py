@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from scene4d.evaluation.measures.events import Ranked
+from scene4d.evaluation.measures._events import Ranked
 from scene4d.evaluation.trials.activities import ActivityEvaluation, ActivityOutcome, Method
 
 METHODS = (Method("metres", "on the ground"), Method("pixels", "a < b"), Method("near", "P(near)"))

@@ -5,7 +5,7 @@ import pytest
 
 from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
-from scene4d.evaluation.trials.baselines import NOISE_SHARE, in_pixels, near_alone
+from scene4d.evaluation.trials._baselines import NOISE_SHARE, in_pixels, near_alone
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
 from scene4d.searching.predicates.stage import Stage
 

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from scene4d.evaluation.measures.events import DetCurve
-from scene4d.evaluation.pages.activities import lines, measures, render_activities, verdict
-from scene4d.evaluation.pages.charts import LEAST, MOST, draw_det, outline
+from scene4d.evaluation.measures._events import DetCurve
+from scene4d.evaluation.pages._activities import lines, measures, render_activities, verdict
+from scene4d.evaluation.pages._charts import LEAST, MOST, draw_det, outline
 
 
 class Page(HTMLParser):

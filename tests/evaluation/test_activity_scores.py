@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from sklearn.metrics import average_precision_score
 
 from scene4d.core.errors import InputError
-from scene4d.evaluation.measures.events import (
+from scene4d.evaluation.measures._events import (
     ClipEvents,
     DetCurve,
     Ranked,

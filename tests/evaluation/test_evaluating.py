@@ -11,8 +11,8 @@ from scene4d.core.orientation import Orientation
 from scene4d.core.people import Detections, Segments
 from scene4d.core.progress import Silent
 from scene4d.evaluation import Reference
-from scene4d.evaluation.trials import cameras
-from scene4d.evaluation.trials.methods import Input, trials
+from scene4d.evaluation.trials import _cameras as cameras
+from scene4d.evaluation.trials._methods import Input, trials
 from strategies import build_camera, build_lens, people_scene
 
 SIZE = (1280, 720)
@@ -32,7 +32,7 @@ def footage(monkeypatch) -> Input:
     people = people_scene(CAMERA, FRAMES * EACH, np.random.default_rng(0), noise=0.01)
     frame = np.repeat(np.arange(FRAMES), EACH)
     segments = replace(Segments.from_points(people.foot_uv, people.head_uv), frame=frame)
-    monkeypatch.setattr("scene4d.evaluation.trials.methods.person_segments", lambda _: segments)
+    monkeypatch.setattr("scene4d.evaluation.trials._methods.person_segments", lambda _: segments)
     monkeypatch.setattr("scene4d.calibration.watching.person_segments", lambda _: segments)
     nobody = Detections.from_boxes(SIZE, np.empty(0, np.int64), np.empty((0, 4)))
     reading = reading_of(*[belief_of(CAMERA)] * (FRAMES - 1), image_size=SIZE)

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 import report_scenes
 from scene4d.core.errors import InputError
-from scene4d.evaluation.measures.near import NearPairs
-from scene4d.evaluation.pages.charts import auc_text, near_share, roc_curves
-from scene4d.evaluation.pages.headline import headlines
+from scene4d.evaluation.measures._near import NearPairs
+from scene4d.evaluation.pages._charts import auc_text, near_share, roc_curves
+from scene4d.evaluation.pages._headline import headlines
+from scene4d.evaluation.pages._pictures import both_grids, label_offsets
 from scene4d.evaluation.pages.page import FIGURES, draw_evaluation
-from scene4d.evaluation.pages.pictures import both_grids, label_offsets
 from scene4d.evaluation.trials.outcomes import Setting
 
 

@@ -11,10 +11,10 @@ import pytest
 
 import report_scenes
 from scene4d.drawing.style import Drawn
-from scene4d.evaluation.pages.headline import headlines
+from scene4d.evaluation.pages._headline import headlines
+from scene4d.evaluation.pages._table import Line, table
+from scene4d.evaluation.pages._words import compared, paragraphs, verdict
 from scene4d.evaluation.pages.page import draw_evaluation, render_evaluation
-from scene4d.evaluation.pages.table import Line, table
-from scene4d.evaluation.pages.words import compared, paragraphs, verdict
 from scene4d.evaluation.trials.outcomes import Evaluation, Outcome
 
 VOID = {"meta", "img", "br", "hr", "link"}

@@ -11,8 +11,8 @@ from bodies import crowd, with_boxes
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.people import Detections
-from scene4d.evaluation.datasets import meva
-from scene4d.evaluation.datasets.meva import EVERY, Ground, local_ground
+from scene4d.evaluation.datasets import _meva as meva
+from scene4d.evaluation.datasets._meva import EVERY, Ground, local_ground
 
 SIZE = (1920, 1080)
 PEOPLE, SIGHTINGS = 40, 4

@@ -12,9 +12,9 @@ from scipy.spatial.distance import cdist
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
-from scene4d.evaluation.datasets.reference import Meetings
-from scene4d.evaluation.measures.near import NearPairs, near_pairs
-from scene4d.evaluation.measures.probability import reliability
+from scene4d.evaluation.datasets._reference import Meetings
+from scene4d.evaluation.measures._near import NearPairs, near_pairs
+from scene4d.evaluation.measures._probability import reliability
 from strategies import build_camera, build_lens, cameras, lenses
 
 LENS = build_lens((1280, 720), 60.0, radial=(-0.05, 0.0, 0.0))

@@ -9,7 +9,7 @@ from sklearn import metrics
 from sklearn.calibration import calibration_curve
 
 from scene4d.core.errors import InputError
-from scene4d.evaluation.measures.probability import brier_score, reliability, roc_curve
+from scene4d.evaluation.measures._probability import brier_score, reliability, roc_curve
 
 SEED = st.integers(0, 2**32 - 1)
 

@@ -13,8 +13,8 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.geometry import rigid_fit
 from scene4d.core.ground_map import GroundMap
-from scene4d.evaluation.datasets import reference
-from scene4d.evaluation.datasets.reference import Reference
+from scene4d.evaluation.datasets import _reference as reference
+from scene4d.evaluation.datasets._reference import Reference
 from strategies import build_camera, build_lens
 
 LENS = build_lens((1280, 720), 60.0, radial=(-0.08, 0.01, 0.0), tangential=(0.002, -0.001))

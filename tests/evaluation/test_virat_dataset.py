@@ -19,7 +19,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Detections
 from scene4d.evaluation import PUBLISHED
-from scene4d.evaluation.datasets.virat import spread_frames, virat
+from scene4d.evaluation.datasets._virat import spread_frames, virat
 from strategies import build_camera, build_lens
 
 SIZE = (1920, 1080)

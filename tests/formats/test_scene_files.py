@@ -59,7 +59,7 @@ def test_only_one_piece_is_held(tmp_path, name):
 
 
 def test_large_pieces_are_cut(tmp_path, monkeypatch):
-    monkeypatch.setattr("scene4d.formats.scenes.values.ROWS_AT_ONCE", 2)
+    monkeypatch.setattr("scene4d.formats.scenes._values.ROWS_AT_ONCE", 2)
     write_golden(tmp_path)
     for path in GOLDEN.iterdir():
         assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from scene4d.core.errors import UnavailableError
-from scene4d.perception.detectors.yolov4 import Yolov4TinyDetector
+from scene4d.perception.detectors._yolov4 import Yolov4TinyDetector
 from scene4d.perception.detectors.yolox import YoloxDetector
 from scene4d.perception.keypoints import KeypointEstimator
 from scene4d.perception.weights import weight_path

@@ -9,7 +9,7 @@ import pytest
 
 from scene4d.core.errors import UnavailableError
 from scene4d.perception.detectors import make_detector
-from scene4d.perception.detectors.maskrcnn import MaskRcnnDetector
+from scene4d.perception.detectors._maskrcnn import MaskRcnnDetector
 
 FILE = "maskrcnn_resnet50_fpn_coco-0.pth"
 NAMES = ["__background__", "person", "bicycle", "car"]

@@ -8,7 +8,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from scene4d.core.errors import InputError
-from scene4d.perception.detectors.base import require_bgr
+from scene4d.perception.detectors._base import require_bgr
 from scene4d.perception.detectors.yolox import OnnxYoloxDetector
 
 SIDE = 64

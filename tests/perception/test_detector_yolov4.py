@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from scene4d.perception.detectors import yolov4
+from scene4d.perception.detectors import _yolov4 as yolov4
 
 PETS_VEHICLES = np.array([[651.9, 44.1, 723.2, 100.4], [734.7, 49.6, 767.5, 92.5]])
 """The parked van and the car that the border cuts; drawn by hand, good to about 2 px."""

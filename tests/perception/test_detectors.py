@@ -6,7 +6,7 @@ import supervision as sv
 
 from scene4d.core.errors import InputError, UnavailableError
 from scene4d.perception import detectors
-from scene4d.perception.detectors.base import Detector
+from scene4d.perception.detectors._base import Detector
 
 
 class Nobody:

@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 from tests.strategies import build_camera, build_lens, ground_in_view
 
 from scene4d.core.camera import Camera
-from scene4d.perception.orientation.grid import ROLL_RAD, SHAPE, Belief
-from scene4d.perception.orientation.lines import (
+from scene4d.perception.orientation._lines import (
     LONGEST,
     _gains,
     line_log_likelihood,
     segment_log_likelihood,
 )
+from scene4d.perception.orientation.grid import ROLL_RAD, SHAPE, Belief
 
 SIZE = (640, 480)
 EDGES = [(i, j) for i in range(8) for j in range(i) if bin(i ^ j).count("1") == 1]

@@ -8,7 +8,7 @@ from training.panoramas import read_panoramas
 
 from scene4d.core.errors import InputError
 from scene4d.perception.orientation import OrientationNetwork, PoseReader, fused
-from scene4d.perception.orientation import network as network_module
+from scene4d.perception.orientation import _network as network_module
 from scene4d.video.reader import open_source
 
 

@@ -8,9 +8,9 @@ import supervision as sv
 
 from scene4d.core.body import HALPE26
 from scene4d.core.errors import InputError
+from scene4d.perception._tracking import Tracker
 from scene4d.perception.people import PeopleDetector, detect_people
 from scene4d.perception.stationary import stationary
-from scene4d.perception.tracking import Tracker
 
 
 class Script:

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from scene4d.core.errors import InputError
+from scene4d.perception._tracking import Tracker, clear_matches
 from scene4d.perception.objects import colour_histograms
-from scene4d.perception.tracking import Tracker, clear_matches
 
 INF = np.inf
 

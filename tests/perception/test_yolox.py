@@ -2,7 +2,7 @@ import cv2
 import numpy as np
 import pytest
 
-from scene4d.perception.detectors.base import Detector
+from scene4d.perception.detectors._base import Detector
 
 pytestmark = [pytest.mark.weights, pytest.mark.shared_data]
 

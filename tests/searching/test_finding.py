@@ -18,15 +18,15 @@ from scene4d.core.errors import InputError, OutputError
 from scene4d.core.files import read_json
 from scene4d.core.tracks import Tracks
 from scene4d.searching import Asked, SearchOptions, SearchResult, search, understand
-from scene4d.searching.activities import casting
+from scene4d.searching._asking import reaches
+from scene4d.searching._entry import lean_tracks, staged_run
+from scene4d.searching._places import Places
+from scene4d.searching.activities import _casting as casting
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
 from scene4d.searching.activities.search import find
-from scene4d.searching.asking import reaches
-from scene4d.searching.entry import lean_tracks, staged_run
 from scene4d.searching.language import Query, Window
-from scene4d.searching.pages.footage import NoFootage, footage_of
-from scene4d.searching.places import Places
+from scene4d.searching.pages._footage import NoFootage, footage_of
 from scene4d.searching.result import actev_files, clip_time
 from scene4d.searching.stages import stage_of, thinned
 from scene4d.store.query import Scene
@@ -482,7 +482,7 @@ def test_an_earlier_page_survives_a_failure(gate, tmp_path, monkeypatch):
     def fail(*_):
         raise OutputError("full")
 
-    monkeypatch.setattr("scene4d.searching.pages.page.search_html", fail)
+    monkeypatch.setattr("scene4d.searching.pages._page.search_html", fail)
     with pytest.raises(OutputError):
         written(gate, tmp_path)
     assert (tmp_path / "search.html").read_text() == "earlier"

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
-from scene4d.searching.places import read_places
+from scene4d.searching._places import read_places
 
 SQUARE = [[0, 0], [4, 0], [4, 4], [0, 4]]
 BOW = [[0, 0], [4, 4], [4, 0], [0, 4]]

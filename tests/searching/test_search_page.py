@@ -15,8 +15,9 @@ from hypothesis import strategies as st
 import finding_scenes as scenes
 from scene4d.core.tracks import Tracks
 from scene4d.searching import SearchOptions, understand
-from scene4d.searching.activities.events import Event
-from scene4d.searching.pages.clip import (
+from scene4d.searching._places import Place, Places
+from scene4d.searching.activities._events import Event
+from scene4d.searching.pages._clip import (
     CLIP_PX,
     Clip,
     Crop,
@@ -26,10 +27,9 @@ from scene4d.searching.pages.clip import (
     mp4,
     stills,
 )
-from scene4d.searching.pages.footage import NoFootage
-from scene4d.searching.pages.page import search_html
-from scene4d.searching.pages.plan import plan_svg
-from scene4d.searching.places import Place, Places
+from scene4d.searching.pages._footage import NoFootage
+from scene4d.searching.pages._page import search_html
+from scene4d.searching.pages._plan import plan_svg
 from scene4d.searching.result import FoundEvent, SearchResult, why_groups
 from scene4d.store.query import Scene
 
@@ -211,7 +211,7 @@ def test_nothing_found_is_a_page_too(scene):
 
 
 def test_without_an_encoder_there_are_stills_and_it_is_said(scene, monkeypatch):
-    monkeypatch.setattr("scene4d.searching.pages.page.mp4", lambda *_: None)
+    monkeypatch.setattr("scene4d.searching.pages._page.mp4", lambda *_: None)
     html = page(scene, Clip(crops(4), 10.0))
     assert "no encoder for H.264" in html
     assert "<video" not in html

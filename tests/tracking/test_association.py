@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
-from scene4d.tracking.association import AssociationSettings, GroundTracker, _assigned
+from scene4d.tracking._association import AssociationSettings, GroundTracker, _assigned
 
 SIZE = (1000, 600)
 SIGMA = 0.12

@@ -14,9 +14,9 @@ from scene4d.core.body import COCO17, HALPE26
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
-from scene4d.tracking.people import explain_people, locate_people
-from scene4d.tracking.people_points import DRAWN_BOX_SHARE
-from scene4d.tracking.rays import Rays
+from scene4d.tracking._people import explain_people, locate_people
+from scene4d.tracking._people_points import DRAWN_BOX_SHARE
+from scene4d.tracking._rays import Rays
 
 CHI2_95 = 5.991
 FEET = slice(20, 26)

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
-from scene4d.tracking.chain import solve_chain
-from scene4d.tracking.fixed_lag import FixedLagSmoother
-from scene4d.tracking.motion_model import LASTING_S, LASTING_SHARE, MOTIONS
-from scene4d.tracking.sightings import Sightings
-from scene4d.tracking.smoothing import Smoothed, SmoothingSettings, smooth
+from scene4d.tracking._chain import solve_chain
+from scene4d.tracking._fixed_lag import FixedLagSmoother
+from scene4d.tracking._motion_model import LASTING_S, LASTING_SHARE, MOTIONS
+from scene4d.tracking._sightings import Sightings
+from scene4d.tracking._smoothing import Smoothed, SmoothingSettings, smooth
 
 CHI2_95 = 5.991
 TRUSTING = SmoothingSettings(outlier_sigma=1e6)

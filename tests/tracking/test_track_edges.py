@@ -13,12 +13,12 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located, Tracks
-from scene4d.searching.pages.footage import footage_of
+from scene4d.searching.pages._footage import footage_of
 from scene4d.store import Scene
 from scene4d.store.log import Look
 from scene4d.tracking import TrackOptions, track, watching
+from scene4d.tracking._belief import Belief
 from scene4d.tracking.annotated import looks_of
-from scene4d.tracking.belief import Belief
 from scene4d.tracking.following import follow
 from scene4d.video.frames import Frame, Source
 from walks import (

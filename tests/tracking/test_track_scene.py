@@ -11,7 +11,8 @@ import pytest
 from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
 from scene4d.store.query import Scene
-from scene4d.tracking import TrackOptions, running, track, watching
+from scene4d.tracking import TrackOptions, track, watching
+from scene4d.tracking import _running as running
 from scene4d.tracking.placing import bottoms_hidden
 from walks import (
     CAMERA,

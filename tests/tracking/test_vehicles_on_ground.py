@@ -24,9 +24,9 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import VEHICLES, Located
-from scene4d.tracking.vehicle_fit import Outline, cholesky, solve
-from scene4d.tracking.vehicle_shapes import CUBOID, SHAPES, VehicleShape
-from scene4d.tracking.vehicles import locate_vehicles
+from scene4d.tracking._vehicle_fit import Outline, cholesky, solve
+from scene4d.tracking._vehicle_shapes import CUBOID, SHAPES, VehicleShape
+from scene4d.tracking._vehicles import locate_vehicles
 from strategies import build_camera, build_lens, cameras
 
 STREET = build_camera(build_lens((1920, 1080), 50.0, radial=(-0.06, 0, 0)), 18.0, 3.0, 7.0, 30.0)

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
-from scene4d.video import sampling, videofile
+from scene4d.video import _videofile as videofile
+from scene4d.video import sampling
 from scene4d.video.frames import Timeline
 from scene4d.video.reader import open_source
 from scene4d.video.sampling import choose_frames, sample_frames, spread

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from scene4d.core.errors import InputError, UnavailableError
-from scene4d.video import videofile
+from scene4d.video import _videofile as videofile
+from scene4d.video._timeline import _from_packets
 from scene4d.video.reader import open_source
 from scene4d.video.stream import StreamSource, stream_name, without_password
-from scene4d.video.timeline import _from_packets
 
 FORMATS = [
     ("a.mp4", {}),

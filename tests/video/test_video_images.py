@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
-from scene4d.video.images import natural_key
+from scene4d.video._images import natural_key
 from scene4d.video.reader import open_source
 
 

@@ -1,8 +1,8 @@
 """The camera from the people who walk through its footage."""
 
+from scene4d.calibration._segments import person_segments
+from scene4d.calibration._solve import solve_camera, solve_segments
 from scene4d.calibration.options import METHODS, CalibrateOptions
-from scene4d.calibration.segments import person_segments
-from scene4d.calibration.solve import solve_camera, solve_segments
 
 __all__ = [
     "METHODS",

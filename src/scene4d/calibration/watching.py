@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from scene4d.calibration.guess import solve_guided
+from scene4d.calibration._guess import solve_guided
+from scene4d.calibration._segments import missing_keypoints, person_segments
 from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.orienting import MOST_FRAMES, OrientationReader, OrientationReading
-from scene4d.calibration.segments import missing_keypoints, person_segments
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError

@@ -21,7 +21,7 @@ def write(result: Run, out_dir: str | Path, *, progress: Progress) -> Path:
     All of them or none (:func:`.staged`); ``camera.json`` comes last. Raises :class:`OutputError`
     where the folder cannot be written.
     """
-    from scene4d.calibration.report.page import FIGURES, report_files
+    from scene4d.calibration.report._page import FIGURES, report_files
     from scene4d.core.tables import write_people
 
     found, out = result.calibration, ensure_folder(out_dir)
@@ -49,7 +49,7 @@ def write_orientation(
 
     Both or none (:func:`.staged`). Raises :class:`OutputError` where the folder cannot be written.
     """
-    from scene4d.calibration.report.orientation import draw_orientation
+    from scene4d.calibration.report._orientation import draw_orientation
 
     out, name = ensure_folder(out_dir), "figures/orientation.png"
     with (

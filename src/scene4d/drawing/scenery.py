@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float, Int
 
 from scene4d.core import geometry
 from scene4d.core.camera import Camera
+from scene4d.drawing._uncertainty import Z95, propagated, rays
 from scene4d.drawing.ground import Area, grid_values, spread
-from scene4d.drawing.uncertainty import Z95, propagated, rays
 
 
 @dataclass(frozen=True, eq=False)

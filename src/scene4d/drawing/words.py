@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
-from scene4d.drawing.uncertainty import Z95, field_of_view, propagated
+from scene4d.drawing._uncertainty import Z95, field_of_view, propagated
 
 _MINUS = "−"
 

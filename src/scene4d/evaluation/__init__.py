@@ -4,20 +4,20 @@ Read in this order: ``datasets`` (what is true) → ``trials`` (what is tried on
 (how far off it is) → ``pages`` (how that is shown).
 """
 
-from scene4d.evaluation.datasets.reference import PUBLISHED, Reference, pets, towncentre
-from scene4d.evaluation.measures.correspondence import (
+from scene4d.evaluation._options import EvaluateOptions
+from scene4d.evaluation.datasets._reference import PUBLISHED, Reference, pets, towncentre
+from scene4d.evaluation.measures._correspondence import (
     CorrespondenceError,
     correspondence_error,
     spread_points,
 )
-from scene4d.evaluation.options import EvaluateOptions
-from scene4d.evaluation.trials.activities import evaluate_meva
-from scene4d.evaluation.trials.cameras import (
+from scene4d.evaluation.trials._cameras import (
     evaluate_custom,
     evaluate_pets,
     evaluate_towncentre,
     evaluate_virat,
 )
+from scene4d.evaluation.trials.activities import evaluate_meva
 
 __all__ = [
     "PUBLISHED",

@@ -20,9 +20,9 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.ground_map import GroundMap
 from scene4d.core.text import head_text, prefixed
+from scene4d.formats._choosing import names, recognised
+from scene4d.formats._numbers import all_numbers, flat, is_json, matrix_fields, read_matrix, words
 from scene4d.formats.cameras import camera_formats, read_camera
-from scene4d.formats.choosing import names, recognised
-from scene4d.formats.numbers import all_numbers, flat, is_json, matrix_fields, read_matrix, words
 
 _LARGEST = 1 << 16
 """Bytes; nine numbers and their comments take far less."""

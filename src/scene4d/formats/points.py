@@ -16,9 +16,9 @@ from jaxtyping import Bool, Float
 from scene4d.core.errors import InputError
 from scene4d.core.tables import read_table
 from scene4d.core.text import head_text, prefixed, quoted, read_text
+from scene4d.formats._choosing import names, recognised
+from scene4d.formats._numbers import all_numbers, numeric_table
 from scene4d.formats.annotations import annotation_formats, read_annotations
-from scene4d.formats.choosing import names, recognised
-from scene4d.formats.numbers import all_numbers, numeric_table
 
 _SEPARATORS = re.compile(r"\s*[,;]\s*|\s+")
 _NEEDED = ("foot_u", "foot_v", "inlier")

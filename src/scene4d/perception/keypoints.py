@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from scene4d.core.body import HALPE26
-from scene4d.perception.session import open_session
+from scene4d.perception._session import open_session
 from scene4d.perception.weights import weight_path
 
 INPUT_SIZE = (192, 256)

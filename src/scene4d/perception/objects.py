@@ -11,7 +11,7 @@ from jaxtyping import Float, Float32, UInt8
 from scene4d.core.people import Detections
 from scene4d.core.progress import timed
 from scene4d.core.tracks import CLASSES, VEHICLES
-from scene4d.perception.detectors.base import Detector
+from scene4d.perception.detectors._base import Detector
 from scene4d.perception.detectors.tiles import ExpectedPersonPx, TiledDetector
 
 _SAME_IOU = 0.5
@@ -81,7 +81,7 @@ class ObjectDetector:
     @classmethod
     def default(cls) -> "ObjectDetector":
         """YOLOX-tiny, RTMPose-s and YOLOv4-tiny; gets the weights if they are missing."""
-        from scene4d.perception.detectors.yolov4 import Yolov4TinyDetector
+        from scene4d.perception.detectors._yolov4 import Yolov4TinyDetector
         from scene4d.perception.detectors.yolox import YoloxDetector
         from scene4d.perception.keypoints import KeypointEstimator
 

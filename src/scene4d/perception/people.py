@@ -7,9 +7,9 @@ import numpy as np
 
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
-from scene4d.perception.detectors.base import Detector
+from scene4d.perception._tracking import Tracker
+from scene4d.perception.detectors._base import Detector
 from scene4d.perception.objects import ObjectDetector, PoseEstimator, TimedImage
-from scene4d.perception.tracking import Tracker
 
 _PeopleProgress = Callable[[int, int], None]
 """Called after every frame with the frames done and the people found so far."""

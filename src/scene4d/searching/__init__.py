@@ -1,7 +1,7 @@
 """``scene4d search``: words in, ranked events out."""
 
-from scene4d.searching.asking import Asked, SearchOptions, understand
-from scene4d.searching.entry import answer, search
+from scene4d.searching._asking import Asked, SearchOptions, understand
+from scene4d.searching._entry import answer, search
 from scene4d.searching.result import FoundEvent, SearchResult
 
 __all__ = [

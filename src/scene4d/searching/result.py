@@ -15,9 +15,9 @@ from scene4d.core.files import write_json
 from scene4d.core.progress import Progress, Silent
 from scene4d.core.tables import data_frame
 from scene4d.core.tracks import Tracks
-from scene4d.searching.activities.events import Event
+from scene4d.searching._asking import Asked, reaches
+from scene4d.searching.activities._events import Event
 from scene4d.searching.activities.search import LEAST_SCORE
-from scene4d.searching.asking import Asked, reaches
 from scene4d.store.runs import Run
 
 if TYPE_CHECKING:
@@ -169,7 +169,7 @@ class SearchResult:
 
     def _repr_html_(self) -> str:
         """The best events as a table, and the very best in a plan."""
-        from scene4d.searching.pages.plan import plan_svg, role_colours
+        from scene4d.searching.pages._plan import plan_svg, role_colours
 
         roles = [role.name for role in self.asked.query.activity.roles]
         head = "<th>score</th><th>when</th><th>camera</th>" + "".join(
@@ -200,7 +200,7 @@ class SearchResult:
 
         Raises :class:`OutputError` where ``out`` cannot be written; an earlier result stays then.
         """
-        from scene4d.searching.pages.page import write_page
+        from scene4d.searching.pages._page import write_page
 
         return write_page(self, Path(out), progress or Silent(), command)
 

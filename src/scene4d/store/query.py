@@ -24,7 +24,7 @@ from scene4d.core.files import read_json
 from scene4d.core.tables import data_frame
 from scene4d.core.text import quoted
 from scene4d.core.tracks import CLASSES, Tracks
-from scene4d.store.question import (
+from scene4d.store._question import (
     Question,
     Stored,
     check_range,

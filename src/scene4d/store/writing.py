@@ -27,7 +27,7 @@ from filelock import FileLock
 from scene4d.core.errors import InputError, OutputError
 from scene4d.core.files import read_json, write_bytes, write_json
 from scene4d.core.tracks import Tracks
-from scene4d.store.claims import Claim, claims
+from scene4d.store._claims import Claim, claims
 from scene4d.store.runs import (
     Part,
     Run,

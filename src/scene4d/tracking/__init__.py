@@ -1,6 +1,6 @@
 """``track``: from the footage of a calibrated camera to a scene on disk."""
 
-from scene4d.tracking.options import TrackOptions, TrackRun
-from scene4d.tracking.running import track
+from scene4d.tracking._options import TrackOptions, TrackRun
+from scene4d.tracking._running import track
 
 __all__ = ["TrackOptions", "TrackRun", "track"]

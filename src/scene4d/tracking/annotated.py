@@ -12,9 +12,9 @@ from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.store.log import Look
 from scene4d.store.schema import LONGEST_S, RUN_TRACKS
-from scene4d.tracking.options import Job, TrackRun
+from scene4d.tracking._options import Job, TrackRun
+from scene4d.tracking._smoothing import SmoothingSettings
 from scene4d.tracking.placing import known_classes
-from scene4d.tracking.smoothing import SmoothingSettings
 from scene4d.video.frames import Source
 
 _FRAMES_PER_LOOK = 300

@@ -14,13 +14,13 @@ from scene4d.core.people import Detections
 from scene4d.core.progress import timed
 from scene4d.core.tracks import VEHICLES, Located, Tracks
 from scene4d.store.log import Look
-from scene4d.tracking.association import GroundTracker
-from scene4d.tracking.belief import Belief
-from scene4d.tracking.fixed_lag import FixedLagSmoother
+from scene4d.tracking._association import GroundTracker
+from scene4d.tracking._belief import Belief
+from scene4d.tracking._fixed_lag import FixedLagSmoother
+from scene4d.tracking._sightings import Sightings
+from scene4d.tracking._smoothing import Smoothed, SmoothingSettings, smooth
+from scene4d.tracking._vehicles import locate_vehicles
 from scene4d.tracking.placing import bottoms_hidden, place, shared_covariance
-from scene4d.tracking.sightings import Sightings
-from scene4d.tracking.smoothing import Smoothed, SmoothingSettings, smooth
-from scene4d.tracking.vehicles import locate_vehicles
 
 _FORGET_S = 1800.0
 """What a track was is forgotten so long after it was last seen. Vehicles that stood are still

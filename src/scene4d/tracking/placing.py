@@ -9,8 +9,8 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.people import Detections
 from scene4d.core.tracks import CLASSES, VEHICLES, Located
-from scene4d.tracking.people import locate_people
-from scene4d.tracking.vehicles import locate_vehicles
+from scene4d.tracking._people import locate_people
+from scene4d.tracking._vehicles import locate_vehicles
 
 _HIDDEN_SHARE = 0.3
 """Share of a box's lower edge that may be covered before it is not the object's own."""

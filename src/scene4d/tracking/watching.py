@@ -18,7 +18,7 @@ from scene4d.core.people import Detections
 from scene4d.core.progress import Advance, timed
 from scene4d.store.log import DetectionLog, Look
 from scene4d.store.runs import file_name
-from scene4d.tracking.options import Job
+from scene4d.tracking._options import Job
 from scene4d.video.frames import Frame, Source
 from scene4d.video.stream import without_password
 

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from scene4d.core.errors import InputError
+from scene4d.video._images import IMAGE_SUFFIXES, ImageSource, natural_key
 from scene4d.video.frames import Frame, Source, Timeline
-from scene4d.video.images import IMAGE_SUFFIXES, ImageSource, natural_key
 
 __all__ = ["Frame", "Source", "Timeline", "open_source"]
 
@@ -92,7 +92,7 @@ def _open_file(path: Path) -> Source:
         raise InputError(f"{path}: is empty (0 bytes); copy or record it again")
     if _is_image(path):
         return ImageSource(str(path), [path])
-    from scene4d.video.videofile import VideoSource
+    from scene4d.video._videofile import VideoSource
 
     return VideoSource(path)
 

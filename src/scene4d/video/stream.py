@@ -8,7 +8,7 @@ from typing import Any
 import av
 
 from scene4d.core.errors import InputError, UnavailableError
-from scene4d.video.decoding import decode, packets, pixel_notes, upright_bgr, video_stream
+from scene4d.video._decoding import decode, packets, pixel_notes, upright_bgr, video_stream
 from scene4d.video.frames import Frame, Source
 
 _STREAM_TIMEOUT_S = 15.0

@@ -3,7 +3,7 @@
 import numpy as np
 
 from scene4d.core.tracks import Tracks
-from scene4d.searching.predicates.registry import Parameter, Predicate
+from scene4d.searching.predicates._registry import Parameter, Predicate
 from scene4d.searching.predicates.stage import Stage
 
 STEP_S = 0.2

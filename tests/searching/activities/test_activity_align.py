@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene4d.searching.activities.compose import (
+from scene4d.searching.activities._compose import (
     MOST_GAIN,
     STRETCH,
     Aligned,
@@ -17,10 +17,10 @@ from scene4d.searching.activities.compose import (
     odds,
     window_max,
 )
+from scene4d.searching.activities._evidence import FLOOR
+from scene4d.searching.activities._related import align_related
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
-from scene4d.searching.activities.evidence import FLOOR
-from scene4d.searching.activities.related import align_related
-from scene4d.searching.predicates.meeting import expand, runs
+from scene4d.searching.predicates._meeting import expand, runs
 
 STEP_S = 0.5
 

@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
+from scene4d.searching.activities._checking import check_activity
+from scene4d.searching.activities._terms import parse_term, term_text
 from scene4d.searching.activities.catalogue import load_catalogue
-from scene4d.searching.activities.checking import check_activity
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
-from scene4d.searching.activities.terms import parse_term, term_text
-from scene4d.searching.predicates.registry import PREDICATES
+from scene4d.searching.predicates._registry import PREDICATES
 
 GOOD = """\
 activities:

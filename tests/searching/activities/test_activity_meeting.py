@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
-from scene4d.searching.predicates import meeting
-from scene4d.searching.predicates.crowd import crowded
-from scene4d.searching.predicates.meeting import earlier, meetings, runs
+from scene4d.searching.predicates import _meeting as meeting
+from scene4d.searching.predicates._crowd import crowded
+from scene4d.searching.predicates._meeting import earlier, meetings, runs
 
 
 def _random_stage(seed, people=6, vehicles=4, rows=90):

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
-from scene4d.searching.predicates.zones import check_place
+from scene4d.searching.predicates._zones import check_place
 
 SQUARE = np.array([[0.0, 0], [4, 0], [4, 4], [0, 4]])
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene4d.searching.activities.compose import STRETCH, Span, Timeline, odds
+from scene4d.searching.activities._compose import STRETCH, Span, Timeline, odds
+from scene4d.searching.activities._related import _ALLEN, align_related
 from scene4d.searching.activities.definition import ALLEN, Activity, Phase, Relation, Role, Term
-from scene4d.searching.activities.related import _ALLEN, align_related
 
 STEP_S = 0.5
 

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
-from scene4d.searching.activities import casting
+from scene4d.searching.activities import _casting as casting
+from scene4d.searching.activities._events import WITHOUT_BREAK, Event, Found, one_per_occurrence
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
-from scene4d.searching.activities.events import WITHOUT_BREAK, Event, Found, one_per_occurrence
 from scene4d.searching.activities.identity import unite_tracks
 from scene4d.searching.activities.search import find, judge
-from scene4d.searching.predicates import meeting
-from scene4d.searching.predicates.registry import PREDICATES
+from scene4d.searching.predicates import _meeting as meeting
+from scene4d.searching.predicates._registry import PREDICATES
 
 CATALOGUE = load_catalogue()
 PERSON = Role("person", ("person",))

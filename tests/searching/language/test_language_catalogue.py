@@ -13,9 +13,9 @@ from scene4d.core.errors import InputError
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
 from scene4d.searching.language import parse_query
-from scene4d.searching.language.lexicon import base_forms, read_lexicon
-from scene4d.searching.language.phrases import spelled
-from scene4d.searching.predicates.registry import PREDICATES
+from scene4d.searching.language._lexicon import base_forms, read_lexicon
+from scene4d.searching.language._phrases import spelled
+from scene4d.searching.predicates._registry import PREDICATES
 
 CATALOGUE = load_catalogue()
 PHRASES = [(name, phrase) for name, a in CATALOGUE.items() for phrase in a.phrases]

@@ -9,7 +9,7 @@ from words_scenes import LINES, ZONES, catalogue, parsed
 
 from scene4d.core.errors import InputError
 from scene4d.searching.language import Query
-from scene4d.searching.language.grammar import build_grammar
+from scene4d.searching.language._grammar import build_grammar
 
 WORDS = sorted(build_grammar(catalogue().values()).terminals)
 OTHERS = ["3", "10 s", "14:00", "9 pm", "30 km/h", "3 m", ",", "'s", "entrance", "gate", "zone"]

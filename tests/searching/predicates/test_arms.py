@@ -14,7 +14,7 @@ from predicate_stages import (
 )
 
 from scene4d.core.body import HALPE26
-from scene4d.searching.predicates.body import arm_moving_down, arm_moving_up
+from scene4d.searching.predicates._body import arm_moving_down, arm_moving_up
 
 HANGING, RAISED = np.array([0.0, 0.25, 0.80]), np.array([0.0, 0.30, 1.75])
 

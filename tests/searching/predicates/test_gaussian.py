@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
-from scene4d.searching.predicates.gaussian import (
+from scene4d.searching.predicates._gaussian import (
     above,
     angle_between,
     both_positive,

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from predicate_stages import drawn, one, rows_of, stage_of, straight
 
 from scene4d.core.errors import InputError
-from scene4d.searching.predicates.zones import crosses, inside
+from scene4d.searching.predicates._zones import crosses, inside
 
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [0.0, 10.0]])
 NOTCHED = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0], [5.0, 4.0], [0.0, 10.0]])

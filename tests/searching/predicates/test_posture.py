@@ -19,7 +19,7 @@ from predicate_stages import (
 )
 
 from scene4d.core.camera import Camera
-from scene4d.searching.predicates.posture import stooping
+from scene4d.searching.predicates._posture import stooping
 
 FEET_PX = 600.0
 

@@ -11,7 +11,7 @@ from predicate_stages import Path, rows_of, stage_of
 
 from scene4d.core.camera import Camera
 from scene4d.core.tracks import Tracks
-from scene4d.searching.predicates.registry import PREDICATES
+from scene4d.searching.predicates._registry import PREDICATES
 
 NAMES = {
     "near", "far", "moving", "stationary", "moving_towards", "moving_away", "following",

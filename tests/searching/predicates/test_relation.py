@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from predicate_stages import drawn, one, rows_of, stage_of
 
 from scene4d.core.errors import InputError
-from scene4d.searching.predicates.distance import far, near, near_probability, same_place
-from scene4d.searching.predicates.relation import (
+from scene4d.searching.predicates._distance import far, near, near_probability, same_place
+from scene4d.searching.predicates._relation import (
     SIDES,
     facing,
     following,

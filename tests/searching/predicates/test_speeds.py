@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from predicate_stages import drawn, one, rows_of, stage_of
 
-from scene4d.searching.predicates.motion import moving, speed_above, speed_below, stationary
+from scene4d.searching.predicates._motion import moving, speed_above, speed_below, stationary
 
 SPEED = st.floats(0.0, 30.0)
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from predicate_stages import STEP_S, Path, arc, rows_of, stage_of, straight
 
-from scene4d.searching.predicates.turning import reversing, turning_left, turning_right, u_turning
+from scene4d.searching.predicates._turning import reversing, turning_left, turning_right, u_turning
 
 CAR = {"name": "car"}
 

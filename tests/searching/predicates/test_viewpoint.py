@@ -18,8 +18,8 @@ from predicate_stages import (
     straight,
 )
 
-from scene4d.searching.predicates.posture import stooping
-from scene4d.searching.predicates.registry import PREDICATES
+from scene4d.searching.predicates._posture import stooping
+from scene4d.searching.predicates._registry import PREDICATES
 
 CAMERAS = 4
 REDRAWN = 14

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from predicate_stages import STEP_S, Path, rows_of, stage_of
 from scipy.stats import norm
 
-from scene4d.searching.predicates.visibility import (
+from scene4d.searching.predicates._visibility import (
     appears,
     appears_from,
     disappears,

@@ -11,17 +11,17 @@ from scene4d.core.staging import ensure_folder, staged
 from scene4d.drawing.page import Shown, data_uri, rendered
 from scene4d.drawing.style import Drawn
 from scene4d.drawing.words import number
-from scene4d.evaluation.pages.activities import render_activities
-from scene4d.evaluation.pages.charts import draw_det, draw_near, draw_roc, roc_curves
-from scene4d.evaluation.pages.headline import RULE, headlines
-from scene4d.evaluation.pages.pictures import (
+from scene4d.evaluation.pages._activities import render_activities
+from scene4d.evaluation.pages._charts import draw_det, draw_near, draw_roc, roc_curves
+from scene4d.evaluation.pages._headline import RULE, headlines
+from scene4d.evaluation.pages._pictures import (
     draw_alignment,
     draw_consensus,
     draw_ground,
     draw_points,
 )
-from scene4d.evaluation.pages.table import table
-from scene4d.evaluation.pages.words import HEADINGS, alternative, caption, paragraphs, verdict
+from scene4d.evaluation.pages._table import table
+from scene4d.evaluation.pages._words import HEADINGS, alternative, caption, paragraphs, verdict
 from scene4d.evaluation.trials.activities import ActivityEvaluation
 from scene4d.evaluation.trials.outcomes import Evaluation
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from scene4d.core.progress import Progress, timed
-from scene4d.evaluation.datasets.meva import Clip, meva_clips
-from scene4d.evaluation.measures.events import OVERLAP_S, OVERLAP_SHARE, ClipEvents, Ranked
-from scene4d.evaluation.options import TUNED, EvaluateOptions
-from scene4d.evaluation.trials.baselines import in_pixels, near_alone
+from scene4d.evaluation._options import TUNED, EvaluateOptions
+from scene4d.evaluation.datasets._meva import Clip, meva_clips
+from scene4d.evaluation.measures._events import OVERLAP_S, OVERLAP_SHARE, ClipEvents, Ranked
+from scene4d.evaluation.trials._baselines import in_pixels, near_alone
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.activities.search import LEAST_SCORE, find

@@ -8,9 +8,9 @@ import numpy as np
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
-from scene4d.evaluation.datasets.reference import PUBLISHED, Published, Reference
-from scene4d.evaluation.measures.correspondence import CorrespondenceError
-from scene4d.evaluation.measures.near import NearPairs
+from scene4d.evaluation.datasets._reference import PUBLISHED, Published, Reference
+from scene4d.evaluation.measures._correspondence import CorrespondenceError
+from scene4d.evaluation.measures._near import NearPairs
 
 PAPER_HEIGHTS_M = (1.5748, 1.7018, 1.8288)
 """Mean heights of people for which the paper gives results (5'2", 5'7", 6'0")."""

@@ -1,7 +1,7 @@
 """Camera files in and out."""
 
-from scene4d.formats.cameras.contract import CameraFormat
-from scene4d.formats.cameras.registry import (
+from scene4d.formats.cameras._contract import CameraFormat
+from scene4d.formats.cameras._registry import (
     camera_formats,
     read_calibration,
     read_camera,

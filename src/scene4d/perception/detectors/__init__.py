@@ -1,7 +1,7 @@
 """Detectors by name: the built-in ones and those that other packages register.
 
 A package registers a detector as an entry point of the group ``scene4d.detectors``; the entry is
-called without arguments and returns a :class:`~scene4d.perception.detectors.base.Detector`.
+called without arguments and returns a :class:`~scene4d.perception.detectors._base.Detector`.
 """
 
 from importlib.metadata import EntryPoint, entry_points
@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 from scene4d.core.errors import InputError, UnavailableError
 
 if TYPE_CHECKING:
-    from scene4d.perception.detectors.base import Detector
+    from scene4d.perception.detectors._base import Detector
 
 GROUP = "scene4d.detectors"
 _HERE = "scene4d.perception.detectors"
 _BUILT_IN = (
-    EntryPoint("torchvision-maskrcnn", f"{_HERE}.maskrcnn:MaskRcnnDetector", GROUP),
-    EntryPoint("yolov4-tiny", f"{_HERE}.yolov4:Yolov4TinyDetector", GROUP),
+    EntryPoint("torchvision-maskrcnn", f"{_HERE}._maskrcnn:MaskRcnnDetector", GROUP),
+    EntryPoint("yolov4-tiny", f"{_HERE}._yolov4:Yolov4TinyDetector", GROUP),
     EntryPoint("yolox", f"{_HERE}.yolox:YoloxDetector", GROUP),
 )
 

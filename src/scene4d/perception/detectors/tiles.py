@@ -11,7 +11,7 @@ import supervision as sv
 from jaxtyping import Bool, Float, Int, UInt8
 
 from scene4d.core.errors import InputError
-from scene4d.perception.detectors.base import require_bgr
+from scene4d.perception.detectors._base import require_bgr
 
 ExpectedPersonPx = Callable[[np.ndarray], np.ndarray] | Float[np.ndarray, "h"]
 """Height in pixels of a person whose feet are at an image row: a function of rows, or one per row.

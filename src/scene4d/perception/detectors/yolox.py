@@ -14,9 +14,9 @@ import cv2
 import numpy as np
 
 from scene4d.core.errors import InputError
-from scene4d.perception.detectors.base import COCO80
+from scene4d.perception._session import open_session
+from scene4d.perception.detectors._base import COCO80
 from scene4d.perception.detectors.tiles import Boxes, Sight, TiledDetector
-from scene4d.perception.session import open_session
 from scene4d.perception.weights import weight_path
 
 _WHOLE_THRESHOLD = 0.4

@@ -10,16 +10,16 @@ import yaml
 
 from scene4d.core.errors import InputError
 from scene4d.core.text import nearest
-from scene4d.searching.activities.checking import (
+from scene4d.searching.activities._checking import (
     check_activity,
     check_durations,
     check_names,
     check_relation,
     check_role,
 )
+from scene4d.searching.activities._terms import check_term, parse_term
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
-from scene4d.searching.activities.terms import check_term, parse_term
-from scene4d.searching.predicates.registry import PREDICATES, Predicate
+from scene4d.searching.predicates._registry import PREDICATES, Predicate
 
 _ACTIVITY = ("description", "phrases", "labels", "roles", "phases", "relations")
 _PHASE = ("name", "lasts", "gap", "holds")

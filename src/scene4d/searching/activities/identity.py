@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from scene4d.searching.predicates.meeting import expand, meetings, runs
+from scene4d.searching.predicates._meeting import expand, meetings, runs
 from scene4d.searching.predicates.stage import Stage
 
 # Chosen by hand on the tuning cameras (MEVA G341 and G424): 0.1 more or less of the shares changes

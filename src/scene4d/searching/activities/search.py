@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from scene4d.core.errors import InputError
-from scene4d.searching.activities.casting import cast, is_symmetric, rows_of_roles, unbound_roles
-from scene4d.searching.activities.checking import check_activity, check_places
-from scene4d.searching.activities.compose import Aligned, Span, Timeline, align
+from scene4d.searching.activities._casting import cast, is_symmetric, rows_of_roles, unbound_roles
+from scene4d.searching.activities._checking import check_activity, check_places
+from scene4d.searching.activities._compose import Aligned, Span, Timeline, align
+from scene4d.searching.activities._events import Event, found_event, one_per_occurrence
+from scene4d.searching.activities._evidence import Evidence, gather, promising
+from scene4d.searching.activities._related import align_related
+from scene4d.searching.activities._terms import value_of
 from scene4d.searching.activities.definition import Activity
-from scene4d.searching.activities.events import Event, found_event, one_per_occurrence
-from scene4d.searching.activities.evidence import Evidence, gather, promising
-from scene4d.searching.activities.related import align_related
-from scene4d.searching.activities.terms import value_of
-from scene4d.searching.predicates.registry import PREDICATES, Predicate
+from scene4d.searching.predicates._registry import PREDICATES, Predicate
 from scene4d.searching.predicates.stage import Stage
 
 MIN_SCORE = 0.05

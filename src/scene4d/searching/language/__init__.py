@@ -1,5 +1,5 @@
 """Searches in words: a controlled English, read into activities."""
 
-from scene4d.searching.language.query import Query, Window, explain, parse_query
+from scene4d.searching.language._query import Query, Window, explain, parse_query
 
 __all__ = ["Query", "Window", "explain", "parse_query"]

@@ -1,0 +1,138 @@
+"""What the orientation network's reading is worth in a calibration.
+
+The network guesses and the people are measured. So where both are there, the camera is solved for
+without the guess as well: a guess that this contradicts is left out, and the result says so.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from scene4d.calibration import _verdict as verdict
+from scene4d.calibration._prior import default_prior
+from scene4d.calibration._solve import solve_segments
+from scene4d.calibration.options import CalibrateOptions
+from scene4d.calibration.orienting import OrientationReading
+from scene4d.core.calibration import Calibration
+from scene4d.core.orientation import Orientation
+from scene4d.core.people import Segments
+
+NETWORK_WIDENING = 1.5
+"""Of the network's standard deviations where it is a guess: they are right on pictures like those
+that it was trained on, and a user's camera is another one. On the six real cameras of
+docs/orientation.md the errors are 1.1 sigmas for tilt and less for the rest; this has a margin."""
+
+
+def solve_guided(
+    segments: Segments,
+    image_size: tuple[int, int],
+    options: CalibrateOptions,
+    reading: OrientationReading | None,
+    *,
+    edges_xyxy: Float[np.ndarray, "m 4"] | None = None,
+    alone: Calibration | None = None,
+) -> Calibration:
+    """As :func:`.solve_segments`, with the network's ``reading`` where ``options`` ask for it.
+
+    ``alone`` is the joint method's answer without the network, where it is known already.
+    """
+
+    def solve(asked: CalibrateOptions, *, guessed: bool = False) -> Calibration:
+        return solve_segments(segments, image_size, asked, edges_xyxy=edges_xyxy, guessed=guessed)
+
+    if reading is None or not options.uses_network:
+        return solve(options)
+    people_only = replace(options, method="joint", orientation="people")
+    alone = solve(people_only) if alone is None else alone
+    if options.method == "paper" or options.orientation == "network":
+        paper = options.method == "paper"
+        believed = reading.most_frequent if paper else reading.orientation
+        found = solve(replace(options, orientation=believed), guessed=True)
+        text = contradicted(alone, believed)
+        return _saying(found, f"{text} The reading was kept.") if text else found
+    stated = reading.orientation
+    text = contradicted(alone, stated)
+    if text:
+        return _without(alone, text)
+    guess = as_guess(stated)
+    if guess is None:
+        return alone
+    found = solve(replace(options, orientation=guess), guessed=True)
+    if alone or not found:
+        return found or alone
+    text = contradicted(found, stated)
+    if text:  # not even together do they make a camera
+        return _saying(alone, f"{text} The reading was left out.")
+    return _saying(
+        found,
+        "The people alone do not determine this camera; it also rests on the orientation "
+        f"network's reading, which is a guess: {_words(stated)}.",
+    )
+
+
+def _without(alone: Calibration, text: str) -> Calibration:
+    """The people's answer although the pictures contradict it; a refusal where few people agree."""
+    share = alone.inliers / max(alone.people, 1)
+    if share >= verdict.FEW_INLIERS:
+        return _saying(alone, f"{text} The reading was left out.")
+    return replace(
+        alone,
+        status="undetermined",
+        camera=None,
+        covariance=None,
+        residual=None,
+        ground_error_m=None,
+        ground_error_from_camera_m=None,
+        reason=f"only {share:.0%} of the sightings agree with one camera, and what the orientation "
+        "network reads in the pictures contradicts it; needed: people who stand upright on the "
+        'same plane, or a lens file (lens), or orientation="people" if the pictures mislead',
+        warnings=(*alone.warnings, text),
+    )
+
+
+def contradicted(alone: Calibration, stated: Orientation) -> str:
+    """A sentence that names what the people contradict, or an empty text."""
+    apart = [
+        f"{name} {said} against {found}"
+        for name, said, found in verdict.disagreements(alone, stated)
+    ]
+    if not apart:
+        return ""
+    return (
+        "The orientation network's reading of the pictures contradicts what the people show: "
+        f"{'; '.join(apart)}."
+    )
+
+
+def as_guess(stated: Orientation) -> Orientation | None:
+    """The network's reading as a prior: widened, and silent (infinite) on what is then vaguer than
+    what holds of any camera. None where that is everything.
+    """
+    spread = NETWORK_WIDENING * np.array(
+        [stated.focal_sigma_px / stated.focal_px, stated.tilt_sigma_rad, stated.roll_sigma_rad]
+    )
+    spread[spread >= default_prior().sigma[:3]] = np.inf
+    if np.isinf(spread).all():
+        return None
+    focal, tilt, roll = spread.tolist()
+    return replace(
+        stated,
+        focal_sigma_px=focal * stated.focal_px,
+        tilt_sigma_rad=tilt,
+        roll_sigma_rad=roll,
+    )
+
+
+def _saying(found: Calibration, text: str) -> Calibration:
+    return replace(found, warnings=(*found.warnings, text))
+
+
+def _words(told: Orientation) -> str:
+    tilt, tilt_sigma, roll, roll_sigma = np.degrees(
+        [told.tilt_rad, told.tilt_sigma_rad, told.roll_rad, told.roll_sigma_rad]
+    )
+    return (
+        f"focal length {told.focal_px:.0f} ± {told.focal_sigma_px:.0f} px, "
+        f"tilt {tilt:.1f} ± {tilt_sigma:.1f}°, roll {roll:.1f} ± {roll_sigma:.1f}°"
+    )

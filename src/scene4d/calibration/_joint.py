@@ -1,0 +1,219 @@
+"""The joint method: from segments (and lines) to the most probable camera, with its search.
+
+It starts on a coarse grid over focal length, tilt and roll. For one orientation every person tells
+its own ``κ`` in closed form (:mod:`.body`: the head's ray is ``d + κ up``), hence its own camera
+height; the median is the height, and what is left over is how badly the people agree. Thousands of
+orientations are tried at once on a few people, and the best are refined.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from scene4d.calibration._body import CORNER, FOCAL, HEIGHT, ROLL, TILT, Points, undistort
+from scene4d.calibration._lines import best_azimuths
+from scene4d.calibration._prior import Prior
+from scene4d.calibration._refine import Noise, Problem, State, descend, minimise, updated_noise
+
+# The numbers of the search trade time for sureness. They were chosen by hand on the tuning cameras
+# and the synthetic crowds of tests/calibration; nobody has measured that they are the best.
+_SEARCH_PEOPLE = 100
+"""So many people are enough to choose among starting points; all of them refine the winner."""
+_GRID_PEOPLE = 64
+"""So many people tell a good orientation from a bad one. Chosen by hand."""
+_GRID_ALONG, _GRID_ACROSS = 0.07, 0.06
+"""Spread of a head about its prediction on the grid, in lengths of the person: that of
+:class:`.Noise` with the heights of people (0.09 m of 1.70 m) and half a step of the grid."""
+_GRID_OUTLIER = 3.0
+"""Width of the grid's robust loss, in sigmas."""
+_NOISE_PEOPLE = 4_000
+"""So many people tell a standard deviation to one per cent (1 / √(2 n))."""
+_FEW_PEOPLE = 60
+_STARTS, _STARTS_FOR_FEW = 2, 6
+_SEARCH_WIDTH, _SEARCH_WIDTH_FOR_FEW = 2.0, 1.0
+"""How many starts are tried, with how many times the usual noise. Many people lead from afar; among
+few, outliers make valleys of their own, which only more and narrower starts tell apart."""
+_NOISE_ROUNDS = 4
+"""Rounds of expectation-maximisation for the noise, camera and noise in turns."""
+NEW_POSITION = 0.25
+"""A track counts anew when its feet have moved by this fraction of the person's length: about half
+a step, after which the posture is another one. Chosen by hand; docs/ablation.md has the effect."""
+
+
+def position_weights(
+    foot: Float[np.ndarray, "2 n"],
+    length: Float[np.ndarray, "n"],
+    track: Int[np.ndarray, "n"],
+    correlation: float = 0.0,
+) -> Float[np.ndarray, "n"]:
+    """Weight of each sighting, so that a track counts as often as it is seen in a new place.
+
+    The error of a person who stands still repeats itself from frame to frame; a thousand frames
+    of it are one observation (METHOD section 2, lesson 4). ``correlation`` is that of a person's
+    errors in different places (gait, posture, clothes): m places count as
+    ``m / (1 + (m - 1) correlation)`` (Kish's design effect).
+    """
+    weights = np.ones(len(track))
+    repeated = np.flatnonzero(np.bincount(track)[track] > 1)
+    order = repeated[np.argsort(track[repeated], kind="stable")]
+    starts = np.flatnonzero(np.diff(track[order], prepend=-1))
+    for rows in np.split(order, starts[1:]) if len(order) else []:
+        places = _places(foot[:, rows], length[rows])
+        weights[rows] = places / (1 + (places - 1) * correlation) / len(rows)
+    return weights
+
+
+def _places(foot: np.ndarray, length: np.ndarray) -> int:
+    """How often a walk (2, n) gets a new position away from the last counted one."""
+    places, (x0, y0) = 1, foot[:, 0].tolist()
+    reach2 = ((NEW_POSITION * length) ** 2).tolist()
+    for x, y, reach in zip(foot[0].tolist(), foot[1].tolist(), reach2, strict=True):
+        if (x - x0) ** 2 + (y - y0) ** 2 > reach:
+            places, x0, y0 = places + 1, x, y
+    return places
+
+
+def _grid(prior: Prior) -> np.ndarray:
+    """Orientations (m, 3): the fixed values where fixed, else a spread over the prior."""
+    focal = [-0.6, -0.25, 0.1, 0.45, 0.8, 1.15, 1.5]
+    tilt = np.radians([0, 5, 10, 16, 23, 31, 40, 50, 62, 75])
+    roll = prior.mean[ROLL] + np.radians([-10, -3, 3, 10])
+    axes: list[np.ndarray] = []
+    for index, full in ((FOCAL, focal), (TILT, tilt), (ROLL, roll)):
+        mean, sigma = prior.mean[index], prior.sigma[index]
+        values = np.asarray(full)
+        if sigma == 0:
+            values = np.array([mean])
+        elif sigma < 0.3:
+            # A told value: its neighbourhood, unless the general grid is finer than that.
+            near = mean + sigma * np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
+            values = near if index != ROLL or sigma < 0.05 else values
+        axes.append(values)
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def _starting_points(
+    points: Points,
+    weight: Float[np.ndarray, "n"],
+    person_height_m: float,
+    prior: Prior,
+    keep: int = 3,
+) -> Float[np.ndarray, "m 5"]:
+    """The best ``keep`` distinct parameter vectors of the grid, best first."""
+    corner = prior.mean[CORNER]
+    if len(weight) > _GRID_PEOPLE:
+        rows = np.linspace(0, len(weight) - 1, _GRID_PEOPLE).astype(int)
+        points, weight = points.select(rows), weight[rows]
+    foot, head = undistort(points.foot, corner)[0], undistort(points.head, corner)[0]
+    orientations = _grid(prior)
+    focal = np.exp(orientations[:, 0])[:, None]
+    tilt, roll = orientations[:, 1], orientations[:, 2]
+    up = np.stack(
+        [np.sin(roll) * np.cos(tilt), -np.cos(roll) * np.cos(tilt), -np.sin(tilt)], axis=1
+    )
+    up = up[:, :, None]
+    x, y = foot[0] / focal, foot[1] / focal
+    a, b = head[0] / focal, head[1] / focal
+
+    # Head: (x + κ up_x, y + κ up_y) = (a, b) (1 + κ up_z); least squares over the two rows.
+    row_x, row_y = up[:, 0] - a * up[:, 2], up[:, 1] - b * up[:, 2]
+    gap_x, gap_y = a - x, b - y
+    norm2 = row_x**2 + row_y**2 + 1e-12
+    kappa = (row_x * gap_x + row_y * gap_y) / norm2
+    across = (row_x * gap_y - row_y * gap_x) / norm2 / np.where(kappa > 1e-9, kappa, np.nan)
+    down = -(up[:, 0] * x + up[:, 1] * y + up[:, 2])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        log_ratio = np.log(np.where((kappa > 0) & (down > 1e-6), kappa / down, np.nan))
+
+    usable = np.isfinite(log_ratio).mean(axis=1) > 0.3
+    orientations, log_ratio, across = orientations[usable], log_ratio[usable], across[usable]
+    if len(orientations) == 0:
+        return np.empty((0, 5))
+    # Median of what is finite, log H / h: sorting puts NaN last.
+    middle = np.isfinite(log_ratio).sum(axis=1) // 2
+    level = np.sort(log_ratio, axis=1)[np.arange(len(log_ratio)), middle]
+    chi2 = ((log_ratio - level[:, None]) / _GRID_ALONG) ** 2 + (across / _GRID_ACROSS) ** 2
+    chi2 = np.where(np.isfinite(chi2), chi2, np.inf)
+    cost = (weight * (1 - 1 / (1 + chi2 / _GRID_OUTLIER**2))).sum(axis=1) * _GRID_OUTLIER**2
+
+    parameters = np.empty((len(orientations), 5))
+    parameters[:, [FOCAL, TILT, ROLL]] = orientations
+    parameters[:, HEIGHT] = np.log(person_height_m) - level
+    parameters[:, CORNER] = corner
+    gap = parameters - prior.mean
+    cost += ((gap @ prior.precision) * gap).sum(axis=1)
+    return parameters[_distinct(parameters, np.argsort(cost), keep)]
+
+
+def _distinct(parameters: np.ndarray, order: np.ndarray, keep: int) -> list[int]:
+    """Indices of the first ``keep`` candidates that differ clearly from one another."""
+    apart = np.array([0.5, 0.2, 0.2])  # log f, tilt, roll: more than a step of the grid
+    chosen: list[int] = []
+    for index in order:
+        gap = np.abs(parameters[chosen, :3] - parameters[index, :3]) / apart
+        if len(chosen) == 0 or (gap.max(axis=1) > 1).all():
+            chosen.append(int(index))
+        if len(chosen) == keep:
+            break
+    return chosen
+
+
+def solve(problem: Problem, *, seed: int = 0) -> State | None:
+    """The best camera found, or None where no starting point is possible at all."""
+    small = _thinned(problem, _SEARCH_PEOPLE, seed)
+    people_only = replace(small, lines=None)
+    few = len(small.track) < _FEW_PEOPLE
+    width = _SEARCH_WIDTH_FOR_FEW if few else _SEARCH_WIDTH
+    starts = _starting_points(
+        small.points,
+        small.weight,
+        small.person_height_m,
+        small.prior,
+        keep=_STARTS_FOR_FEW if few else _STARTS,
+    )
+    if len(starts) == 0:
+        return None
+    candidates: list[tuple[float, int, State]] = []
+    for parameters in starts:
+        state = State(parameters, np.zeros(small.n_heights), Noise().widened(width))
+        state, lin = descend(people_only, state, steps=4, tolerance=0.1)
+        candidates.append((lin.cost, len(candidates), state))
+    state = minimise(people_only, min(candidates)[2], steps=6, tolerance=0.1)
+    state = replace(state, noise=Noise())
+    if problem.lines is not None:
+        state = _with_azimuth(small, state)
+    middle = _thinned(problem, _NOISE_PEOPLE, seed)
+    if middle is not small:
+        state = _with_noise(small, state, _NOISE_ROUNDS - 1)
+        state = replace(state, delta_m=np.zeros(middle.n_heights))
+    state = _with_noise(middle, state, _NOISE_ROUNDS if middle is small else 1)
+    if middle is not problem:
+        state = replace(state, delta_m=np.zeros(problem.n_heights))
+    return minimise(problem, state, steps=20, tolerance=1e-4)
+
+
+def _with_noise(problem: Problem, state: State, rounds: int) -> State:
+    """Refine camera and noise in turns."""
+    for _ in range(rounds):
+        state, lin = descend(problem, state, steps=4, tolerance=0.1)
+        state = replace(state, noise=updated_noise(problem, state, lin))
+    return state
+
+
+def _with_azimuth(problem: Problem, state: State) -> State:
+    """Refine with the lines from the best few azimuths; the lowest cost wins."""
+    assert problem.lines is not None
+    candidates: list[tuple[float, int, State]] = []
+    for azimuth in best_azimuths(state.parameters, problem.lines):
+        trial, lin = descend(problem, replace(state, azimuth=azimuth), steps=15, tolerance=1e-2)
+        candidates.append((lin.cost, len(candidates), trial))
+    return min(candidates)[2] if candidates else state
+
+
+def _thinned(problem: Problem, people: int, seed: int) -> Problem:
+    n = len(problem.track)
+    if n <= people:
+        return problem
+    rng = np.random.default_rng(seed)
+    return problem.select(np.sort(rng.choice(n, people, replace=False)))

@@ -1,0 +1,171 @@
+"""The paper's method: camera height from boxes, orientation given (Wagner et al. 2019)."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from scene4d.calibration import _verdict as verdict
+from scene4d.calibration._body import HEIGHT
+from scene4d.calibration._case import Case, different_people, ground_errors
+from scene4d.calibration._linear import height_system
+from scene4d.calibration.consensus import (
+    TOLERANCE_PX,
+    exact_consensus,
+    inlier_intervals,
+    ransac_consensus,
+)
+from scene4d.core.body import HEIGHT_SIGMA_M
+from scene4d.core.calibration import Calibration
+from scene4d.core.errors import InputError
+from scene4d.core.geometry import locate, project, rotation_from_tilt_roll
+from scene4d.core.orientation import Orientation
+
+_BOX_SIGMA = 0.04
+"""Relative bias of the lengths of boxes, which the paper takes for people: they change by 3 to 5 %
+with the viewing angle (METHOD section 2)."""
+_STEP = 1e-4
+"""Of log f, tilt and roll (radians) in difference quotients."""
+
+
+def paper_calibration(case: Case) -> Calibration:
+    """The paper's method on a case with an orientation; raises where that has unknown parts.
+
+    The covariance holds the spread of the orientation, what it does to the height, and the spread
+    of the people.
+    """
+    asked, frame = case.asked, case.frame
+    given = asked.known_orientation
+    assert given is not None  # solve_segments
+    if asked.fixed_focal_px is not None:
+        given = replace(given, focal_px=asked.fixed_focal_px, focal_sigma_px=0.0)
+    given_sigma = _given_sigmas(given)
+    log_f = np.log(given.focal_px / frame.half_diagonal_px)
+    parameters = np.array([log_f, given.tilt_rad, given.roll_rad, 0.0, 0.0])
+    people = _People.of(case, frame.camera(parameters).K)
+    inlier = people.consensus(given, asked.consensus, asked.seed)
+    if inlier.sum() < verdict.MIN_PEOPLE:
+        return case.undetermined(
+            f"only {inlier.sum()} of {len(inlier)} people agree with one camera height at this "
+            'orientation; needed: an orientation that fits the footage, or method "joint"'
+        )
+    agreeing = people.select(inlier)
+    height_m = agreeing.height_m(given)
+    parameters[HEIGHT] = np.log(height_m)
+    by_given = np.eye(5)[:, :3]
+    by_given[HEIGHT] = agreeing.sensitivity(given)
+    covariance = by_given @ np.diag(given_sigma**2) @ by_given.T
+    covariance[HEIGHT, HEIGHT] += _people_variance(case, agreeing.own_height_m(given), inlier)
+    camera = frame.camera(parameters)
+    found = case.found(
+        camera=camera,
+        covariance=covariance,
+        inlier=case.over_all(inlier, False),
+        residual=case.over_all(people.head_error(camera.P), np.nan),
+        warnings=_few_inliers(inlier),
+    )
+    errors = ground_errors(found)
+    return replace(
+        found, ground_error_m=errors.within, ground_error_from_camera_m=errors.from_camera
+    )
+
+
+def _few_inliers(inlier: np.ndarray) -> tuple[str, ...]:
+    if inlier.mean() >= 0.5:
+        return ()
+    return (
+        f"Only {inlier.mean():.0%} of the {len(inlier)} sightings have their heads within "
+        f"{TOLERANCE_PX:g} pixels of where this camera expects them.",
+    )
+
+
+def _given_sigmas(given: Orientation) -> np.ndarray:
+    """Spread of log f, tilt and roll (3,); raises where one of them is said to be unknown."""
+    spread = {
+        "focal_px": given.focal_sigma_px / given.focal_px,
+        "tilt_deg": given.tilt_sigma_rad,
+        "roll_deg": given.roll_sigma_rad,
+    }
+    for name, sigma in spread.items():
+        if not np.isfinite(sigma):
+            raise InputError(
+                f"orientation: {name} is unknown (infinite sigma), and the paper's method "
+                'estimates the height alone: give a finite sigma, or use method "joint"'
+            )
+    return np.array(list(spread.values()))
+
+
+def _people_variance(case: Case, own_height_m: np.ndarray, inlier: np.ndarray) -> float:
+    """Relative variance of the height by the people: of the mean of their own answers (n,), each
+    different person counted once, of the population's mean, and of boxes as bodies.
+    """
+    asked, segments = case.asked, case.segments.select(case.usable)
+    spread = 1.4826 * float(np.median(np.abs(own_height_m / np.median(own_height_m) - 1)))
+    tallness = HEIGHT_SIGMA_M / asked.person_height_m
+    variance = (spread**2 + tallness**2) / different_people(segments.select(inlier))
+    variance += (asked.population_sigma_m / asked.person_height_m) ** 2
+    if asked.systematics and segments.from_box.any():
+        variance += _BOX_SIGMA**2
+    return float(variance)
+
+
+@dataclass(frozen=True, eq=False)
+class _People:
+    """Undistorted feet at Z = 0 and heads at ``person_height_m``, before a camera with ``K``."""
+
+    foot_uv: Float[np.ndarray, "n 2"]
+    head_uv: Float[np.ndarray, "n 2"]
+    K: Float[np.ndarray, "3 3"]
+    person_height_m: float
+
+    @classmethod
+    def of(cls, case: Case, K: np.ndarray) -> "_People":
+        ends = [uv[case.usable] for uv in (case.segments.foot_uv, case.segments.head_uv)]
+        lens = case.frame.lens
+        foot, head = ends if lens is None else [lens.undistort(uv)[0] for uv in ends]
+        return cls(foot, head, K, case.asked.person_height_m)
+
+    def select(self, rows: np.ndarray) -> "_People":
+        return replace(self, foot_uv=self.foot_uv[rows], head_uv=self.head_uv[rows])
+
+    def consensus(self, given: Orientation, how: str, seed: int) -> Bool[np.ndarray, "n"]:
+        """The largest set that agrees on one height, exactly or by RANSAC."""
+        R = rotation_from_tilt_roll(given.tilt_rad, given.roll_rad)
+        args = self.K, R, self.foot_uv, self.head_uv, self.person_height_m
+        intervals = inlier_intervals(*args)
+        if how == "exact":
+            return exact_consensus(intervals)
+        own = 1 / self.own_height_m(given)
+        return ransac_consensus(intervals, own, rng=np.random.default_rng(seed))
+
+    def own_height_m(self, given: Orientation) -> Float[np.ndarray, "n"]:
+        """The camera height that each person alone suggests; NaN or infinite where none."""
+        R = rotation_from_tilt_roll(given.tilt_rad, given.roll_rad)
+        system = height_system(self.K, R, self.foot_uv, self.head_uv, self.person_height_m)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return system.moment / system.information
+
+    def height_m(self, given: Orientation, log_f_step: float = 0.0) -> float:
+        """The camera height by least squares, with the focal length changed by a factor."""
+        K = self.K.copy()
+        K[:2, :2] *= np.exp(log_f_step)
+        R = rotation_from_tilt_roll(given.tilt_rad, given.roll_rad)
+        return height_system(K, R, self.foot_uv, self.head_uv, self.person_height_m).solve()
+
+    def sensitivity(self, given: Orientation) -> Float[np.ndarray, "3"]:
+        """Derivative of log height by log f, tilt and roll, by central differences."""
+
+        def log_height(log_f: float, tilt: float, roll: float) -> float:
+            turned = replace(given, tilt_rad=given.tilt_rad + tilt, roll_rad=given.roll_rad + roll)
+            return float(np.log(self.height_m(turned, log_f)))
+
+        steps = _STEP * np.eye(3)
+        rise = [log_height(*step) - log_height(*-step) for step in steps]
+        return np.array(rise) / (2 * _STEP)
+
+    def head_error(self, P: Float[np.ndarray, "3 4"]) -> Float[np.ndarray, "n"]:
+        """Distance between seen and predicted head over the length of the person."""
+        xy, _ = locate(P, self.foot_uv)
+        uv, _ = project(P, np.column_stack([xy, np.full(len(xy), self.person_height_m)]))
+        length = np.hypot(*(self.foot_uv - self.head_uv).T)
+        return np.hypot(*(uv - self.head_uv).T) / np.maximum(length, 1e-9)

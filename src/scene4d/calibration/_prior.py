@@ -1,0 +1,86 @@
+"""What is believed before any person is seen: a Gaussian over the five parameters.
+
+Order (log f, tilt, roll, log h, D) with f in half diagonals of the image and D the displacement of
+the image's corner by the lens; see :mod:`scene4d.calibration._body`.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from scene4d.calibration._body import CORNER, FOCAL, N_PARAMETERS, ROLL, TILT
+from scene4d.core.orientation import Orientation
+
+# Weak on purpose, and chosen for what is sold and how it is hung: two standard deviations reach
+# diagonal fields of view of 15 to 140 degrees, cameras that look 15 degrees up or 65 down, rolls of
+# 12 degrees, and heights of 1 to 25 m.
+_MEAN = np.array([np.log(1.8), np.radians(25.0), 0.0, np.log(5.0), 0.0])
+_SIGMA = np.array([0.75, np.radians(20.0), np.radians(6.0), 0.8, 0.0])
+_CORNER_SIGMA = 0.04
+"""Spread of D over lenses of cameras that nobody has calibrated: PETS 2009 has -0.03,
+TownCentre -0.10, and MEVA's cameras 0 to -0.20, for which a lens file is the better way."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """Mean and standard deviation of the five parameters; sigma 0 holds a parameter fixed.
+
+    ``focal_tilt_correlation`` is that of log f and tilt; it counts where both are free and known.
+    """
+
+    mean: Float[np.ndarray, "5"]
+    sigma: Float[np.ndarray, "5"]
+    focal_tilt_correlation: float = 0.0
+
+    @cached_property
+    def free(self) -> Bool[np.ndarray, "5"]:
+        """Which parameters are estimated."""
+        return self.sigma > 0
+
+    @cached_property
+    def precision(self) -> Float[np.ndarray, "5 5"]:
+        """Inverse of the covariance, zero where a parameter is unknown or fixed."""
+        with np.errstate(divide="ignore"):
+            own = np.where(self.free, 1 / self.sigma, 0.0)
+        inverse = np.diag(own**2)
+        correlation = self.focal_tilt_correlation
+        if correlation and own[FOCAL] and own[TILT]:
+            pair = np.ix_((FOCAL, TILT), (FOCAL, TILT))
+            signs = np.array([[1.0, -correlation], [-correlation, 1.0]])
+            scale = np.outer(own[[FOCAL, TILT]], own[[FOCAL, TILT]])
+            inverse[pair] = signs * scale / (1 - correlation**2)
+        return inverse
+
+    def with_orientation(self, orientation: Orientation, half_diagonal_px: float) -> "Prior":
+        """Replace the beliefs about f, tilt and roll; infinite spreads leave them as they are."""
+        mean, sigma = self.mean.copy(), self.sigma.copy()
+        told = {
+            FOCAL: (
+                np.log(orientation.focal_px / half_diagonal_px),
+                orientation.focal_sigma_px / orientation.focal_px,
+            ),
+            TILT: (orientation.tilt_rad, orientation.tilt_sigma_rad),
+            ROLL: (orientation.roll_rad, orientation.roll_sigma_rad),
+        }
+        for index, (value, spread) in told.items():
+            if np.isfinite(spread):
+                mean[index], sigma[index] = value, spread
+        both = np.isfinite([orientation.focal_sigma_px, orientation.tilt_sigma_rad]).all()
+        correlation = orientation.focal_tilt_correlation if both else 0.0
+        return replace(self, mean=mean, sigma=sigma, focal_tilt_correlation=correlation)
+
+    def with_focal(self, focal_px: float, half_diagonal_px: float) -> "Prior":
+        """Hold the focal length fixed."""
+        mean, sigma = self.mean.copy(), self.sigma.copy()
+        mean[FOCAL], sigma[FOCAL] = np.log(focal_px / half_diagonal_px), 0.0
+        return replace(self, mean=mean, sigma=sigma)
+
+
+def default_prior(*, estimate_distortion: bool = False) -> Prior:
+    """The weak prior of an unknown surveillance camera; without distortion unless asked for."""
+    sigma = _SIGMA.copy()
+    sigma[CORNER] = _CORNER_SIGMA if estimate_distortion else 0.0
+    assert len(sigma) == N_PARAMETERS
+    return Prior(_MEAN.copy(), sigma)

@@ -1,0 +1,401 @@
+"""Maximum a posteriori camera from upright segments: robust Gauss-Newton, heights eliminated.
+
+Minimises over the camera θ = (log f, tilt, roll, log h, D) and one height per track
+
+    Σᵢ wᵢ (-2 log p(aᵢ, cᵢ)) + Σₜ ρ(δₜ² / σ_H²) + Σₖ (θₖ - θ̄ₖ)² / sₖ²
+
+where aᵢ is the logarithm of predicted over seen length and cᵢ the angle between the two, in sigmas,
+and wᵢ counts a track by its distinct positions rather than by its frames. p is a mixture of
+
+    people as modelled          N(a) N(c)
+    people seen too short       uniform in a > 1, N(c): truncated, occluded, seated, children
+    no people                   uniform in both
+
+whose gradient is that of weighted least squares, with the posterior probability of being as
+modelled for a, and of being upright for c. ρ is the Geman-McClure loss: a child or a cyclist is an
+outlier as a track. The heights δₜ are eliminated track by track (Schur complement): O(n) per step.
+Noise, height spread and shares are re-estimated by expectation-maximisation with a weak prior.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from scene4d.calibration._body import N_PARAMETERS, Points, predict_heads
+from scene4d.calibration._lines import Lines, LineTerms, line_terms
+from scene4d.calibration._prior import Prior
+from scene4d.core.body import HEIGHT_SIGMA_M
+
+# These constants were chosen by hand on the tuning cameras (PETS 2009, TownCentre); with them
+# synthetic crowds of known noise have the coverage that tests/calibration/test_coverage.py demands.
+# Expectation-maximisation moves all of ``Noise``.
+_HEIGHT_LOSS_WIDTH = 3.0
+"""Geman-McClure width of a track's height, in standard deviations: adults lie within, children and
+cyclists beyond."""
+SHORT_RANGE, TURN_RANGE = 1.2, 0.8
+"""Range of log length (legs hidden down to 30 % of a person: -ln 0.3) and of direction (radians,
+46°: more than anybody leans) of outliers."""
+_SHORT_FROM, _SHORT_EDGE = 1.0, 0.5
+"""Where "too short" begins and how softly, in sigmas: earlier it would take people as modelled."""
+_N = N_PARAMETERS + 1  # the camera, and the azimuth of the lines
+_AZIMUTH_RIDGE = 1e-2
+"""Information about an azimuth that no line tells: the system must not become singular."""
+_PRIOR_COUNT = 10.0
+"""So many sightings outweigh the starting values of the noise: a handful cannot tell it."""
+_NOISE_RANGE = (0.004, 0.15)
+"""Of log length and direction (radians): half a pixel of a person of 125 px, and a box half cut."""
+_HEIGHT_RANGE = (0.01, 0.2)
+"""Of the spread of heights (m): a drill team, and a crowd of adults with children."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Spread of log length, direction (radians) and height (m) of people; shares of outliers.
+
+    The defaults begin the estimation: keypoints of walking people (``along``, ``across``, gait
+    included) and boxes as PETS 2009 and TownCentre show them, to about a third.
+    """
+
+    along: float = 0.03
+    across: float = 0.045
+    box_along: float = 0.05
+    height_m: float = HEIGHT_SIGMA_M
+    short: float = 0.12
+    stray: float = 0.05
+
+    def widened(self, factor: float) -> "Noise":
+        """Larger spreads for the search, which starts far from the answer."""
+        names = ("along", "across", "box_along", "height_m")
+        return replace(self, **{name: factor * getattr(self, name) for name in names})
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Everything that stays fixed while the camera is refined."""
+
+    points: Points
+    track: Int[np.ndarray, "n"]
+    weight: Float[np.ndarray, "n"]
+    person_height_m: float
+    prior: Prior
+    lines: Lines | None = None
+
+    @cached_property
+    def lone(self) -> Bool[np.ndarray, "n"]:
+        """Who is seen once: its height cannot be told from noise, so it counts as noise."""
+        return np.bincount(self.track)[self.track] == 1
+
+    @cached_property
+    def tracked(self) -> Int[np.ndarray, "m"]:
+        """Rows of people who are seen more than once."""
+        return np.flatnonzero(~self.lone)
+
+    @cached_property
+    def person(self) -> Int[np.ndarray, "m"]:
+        """Which height each of the ``tracked`` rows has, 0 to ``n_heights - 1``."""
+        return np.unique(self.track[self.tracked], return_inverse=True)[1]
+
+    @cached_property
+    def n_heights(self) -> int:
+        """Number of people who are seen more than once, hence have a height of their own."""
+        return int(self.person.max()) + 1 if len(self.person) else 0
+
+    def heights_m(self, delta_m: Float[np.ndarray, "t"]) -> float | Float[np.ndarray, "n"]:
+        """Height of every sighting's person: the mean, and its own where it has one."""
+        if self.n_heights == 0:
+            return self.person_height_m
+        heights = np.full(len(self.track), self.person_height_m)
+        heights[self.tracked] += delta_m[self.person]
+        return heights
+
+    def select(self, rows: np.ndarray) -> "Problem":
+        """The problem on some of its people."""
+        _, track = np.unique(self.track[rows], return_inverse=True)
+        return replace(self, points=self.points.select(rows), track=track, weight=self.weight[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A point of the search: camera, heights above the mean (m), noise, azimuth of the lines."""
+
+    parameters: Float[np.ndarray, "5"]
+    delta_m: Float[np.ndarray, "t"]
+    noise: Noise
+    azimuth: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Residuals (2, n) in sigmas with derivatives at a state, their weights, and the cost.
+
+    ``inlier`` (n,) is the probability that a person is as modelled, ``weight`` (2, n) what the
+    two residuals count, ``force`` (2, n) half the gradient of the loss by the residuals,
+    ``height_weight`` (t,) what a track's height counts.
+    """
+
+    residual: Float[np.ndarray, "2 n"]
+    by_parameter: Float[np.ndarray, "5 2 n"]
+    by_height: Float[np.ndarray, "2 n"]
+    inlier: Float[np.ndarray, "n"]
+    weight: Float[np.ndarray, "2 n"]
+    force: Float[np.ndarray, "2 n"]
+    height_weight: Float[np.ndarray, "t"]
+    cost: float
+    lines: LineTerms | None
+
+
+def linearise(problem: Problem, state: State) -> Linearisation:
+    """Residuals, derivatives, weights and cost at ``state``."""
+    points, noise = problem.points, state.noise
+    predicted = predict_heads(state.parameters, points, problem.heights_m(state.delta_m))
+    seen = points.seen
+    along, across = spreads(problem, noise)
+
+    expected = predicted.head - points.foot
+    by_parameter, by_height = predicted.by_parameter, predicted.by_height
+    if points.has_boxes:
+        # The sides of a box are upright whatever leans in it: only its height is an observation.
+        expected[0] = np.where(points.from_box, seen[0], expected[0])
+        by_parameter[:, 0, points.from_box] = 0.0
+        by_height[0, points.from_box] = 0.0
+    expected2 = np.maximum(expected[0] ** 2 + expected[1] ** 2, 1e-18)
+    dot = expected[0] * seen[0] + expected[1] * seen[1]
+    cross = seen[0] * expected[1] - seen[1] * expected[0]
+    residual = np.empty_like(seen)
+    residual[0] = 0.5 * np.log(expected2 / points.seen2) / along
+    residual[1] = np.arctan2(cross, dot) / across
+    stretch = expected / (expected2 * along)
+    turn_x, turn_y = -expected[1] / (expected2 * across), expected[0] / (expected2 * across)
+
+    def in_sigmas(v: np.ndarray) -> np.ndarray:
+        """Derivatives of (log length, direction) from those of the predicted head."""
+        out = np.empty_like(v)
+        out[..., 0, :] = v[..., 0, :] * stretch[0] + v[..., 1, :] * stretch[1]
+        out[..., 1, :] = v[..., 0, :] * turn_x + v[..., 1, :] * turn_y
+        return out
+
+    inlier, upright, push, loss = _mixture(residual, predicted.valid, along, across, noise)
+    cost = float(problem.weight @ loss)
+    by_parameter = in_sigmas(by_parameter)
+    if not predicted.valid.all():
+        residual = np.where(predicted.valid, residual, 0.0)
+        by_parameter = np.where(predicted.valid, by_parameter, 0.0)
+    weight = problem.weight * np.stack([inlier, upright])
+    force = weight * residual
+    force[0] -= problem.weight * push
+    gap = state.parameters - problem.prior.mean
+    cost += float(gap @ problem.prior.precision @ gap)
+    height_shrink = 1 / (1 + (state.delta_m / (_HEIGHT_LOSS_WIDTH * noise.height_m)) ** 2)
+    cost += _HEIGHT_LOSS_WIDTH**2 * float((1 - height_shrink).sum())
+    terms = None
+    if problem.lines is not None:
+        terms = line_terms(np.append(state.parameters, state.azimuth), problem.lines)
+        cost += terms.cost
+    return Linearisation(
+        residual,
+        by_parameter,
+        in_sigmas(by_height) if problem.n_heights else np.zeros_like(seen),
+        inlier,
+        weight,
+        force,
+        height_shrink**2,
+        cost,
+        terms,
+    )
+
+
+def spreads(problem: Problem, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
+    """Standard deviations of log length and direction of every person (n,)."""
+    box = problem.points.from_box
+    along = np.where(box, noise.box_along, noise.along)
+    height = noise.height_m / problem.person_height_m
+    along = np.where(problem.lone, np.hypot(along, height), along)
+    return along, np.full(len(box), noise.across)
+
+
+def _mixture(
+    residual: np.ndarray, valid: np.ndarray, along: np.ndarray, across: np.ndarray, noise: Noise
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Per person: probability of being as modelled, of being upright, the push of the soft edge
+    of "too short" on a, and ``-2 log p``.
+
+    People whose prediction is invalid are strays: no camera may win by losing people.
+    """
+    a = np.where(valid, np.clip(residual[0], -1e3, 1e3), -1e3)
+    a2, c2 = a * a, np.where(valid, np.minimum(residual[1] ** 2, 1e6), 1e6)
+    flat_a = along * np.sqrt(2 * np.pi) / SHORT_RANGE
+    flat_c = across * np.sqrt(2 * np.pi) / TURN_RANGE
+    edge = np.minimum((a - _SHORT_FROM) / _SHORT_EDGE, 40.0)
+    below = 1 / (1 + np.exp(edge))  # 1 - logistic step
+    modelled = np.log(1 - noise.short - noise.stray) - (a2 + c2) / 2
+    short = np.log(noise.short * flat_a) - c2 / 2 + edge + np.log(np.maximum(below, 1e-300))
+    stray = np.log(noise.stray * flat_a * flat_c)
+    top = np.maximum(np.maximum(modelled, short), stray)
+    total = top + np.log(np.exp(modelled - top) + np.exp(short - top) + np.exp(stray - top))
+    inlier, too_short = np.exp(modelled - total), np.exp(short - total)
+    push = np.where(valid, too_short * below / _SHORT_EDGE, 0.0)
+    return inlier, inlier + too_short, push, -2 * total
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """Gauss-Newton system over camera and azimuth, with the heights eliminated."""
+
+    hessian: Float[np.ndarray, "6 6"]
+    gradient: Float[np.ndarray, "6"]
+    height_information: Float[np.ndarray, "t"]
+    height_gradient: Float[np.ndarray, "t"]
+    coupling: Float[np.ndarray, "6 t"]
+
+
+def normal_equations(problem: Problem, state: State, lin: Linearisation) -> NormalEquations:
+    """``Jᵀ W J`` with one Schur complement per track."""
+    weighted = lin.by_parameter * lin.weight
+    flat = lin.by_parameter.reshape(N_PARAMETERS, -1)
+    hessian, gradient = np.zeros((_N, _N)), np.zeros(_N)
+    camera = slice(0, N_PARAMETERS)
+    hessian[camera, camera] = weighted.reshape(N_PARAMETERS, -1) @ flat.T
+    hessian[camera, camera] += problem.prior.precision
+    gradient[camera] = (lin.by_parameter * lin.force).sum(axis=(1, 2))
+    gradient[camera] += problem.prior.precision @ (state.parameters - problem.prior.mean)
+    if lin.lines is not None:
+        pulled = lin.lines.derivative * lin.lines.weight
+        hessian += pulled @ lin.lines.derivative.T
+        gradient += pulled @ lin.lines.residual
+        hessian[-1, -1] += _AZIMUTH_RIDGE
+
+    stiffness = lin.height_weight / state.noise.height_m**2
+    information = stiffness.copy()
+    height_gradient = stiffness * state.delta_m
+    coupling = np.zeros((_N, problem.n_heights))
+    if problem.n_heights:
+        rows = problem.tracked
+        by_height = lin.by_height[:, rows]
+
+        def per_person(values: np.ndarray) -> np.ndarray:
+            return np.bincount(problem.person, values.sum(axis=0), problem.n_heights)
+
+        information += per_person(lin.weight[:, rows] * by_height**2)
+        height_gradient += per_person(by_height * lin.force[:, rows])
+        for index in np.flatnonzero(problem.prior.free):
+            coupling[index] = per_person(weighted[index][:, rows] * by_height)
+    scaled = coupling / information
+    return NormalEquations(
+        hessian - scaled @ coupling.T,
+        gradient - scaled @ height_gradient,
+        information,
+        height_gradient,
+        coupling,
+    )
+
+
+def minimise(problem: Problem, state: State, *, steps: int, tolerance: float) -> State:
+    """Levenberg-Marquardt from ``state``, with the noise held at the state's.
+
+    Stops when a step gains less than ``tolerance``. The cost is twice a negative logarithm of a
+    probability, so that a gain of 0.01 is a tenth of a standard deviation, whatever n.
+    """
+    return descend(problem, state, steps=steps, tolerance=tolerance)[0]
+
+
+def descend(
+    problem: Problem, state: State, *, steps: int, tolerance: float
+) -> tuple[State, Linearisation]:
+    """:func:`minimise`, with the linearisation at the state it returns."""
+    free = np.append(problem.prior.free, problem.lines is not None)
+    lin = linearise(problem, state)
+    damping = 1e-3
+    for _ in range(steps):
+        system = normal_equations(problem, state, lin)
+        for _ in range(8):
+            step = _damped_step(system, free, damping)
+            delta = -(system.height_gradient + system.coupling.T @ step) / system.height_information
+            trial = replace(
+                state,
+                parameters=state.parameters + step[:N_PARAMETERS],
+                delta_m=state.delta_m + delta,
+                azimuth=state.azimuth + float(step[N_PARAMETERS]),
+            )
+            attempt = linearise(problem, trial)
+            if attempt.cost <= lin.cost:
+                break
+            damping *= 6
+        else:
+            return state, lin
+        gain = lin.cost - attempt.cost
+        state, lin, damping = trial, attempt, max(damping / 8, 1e-9)
+        if gain < tolerance:
+            break
+    return state, lin
+
+
+_LARGEST_STEP = np.array([0.5, 0.25, 0.25, 0.6, 0.05, 0.1])
+"""Of log f, tilt, roll, log h, D and azimuth: about the spacing of the grid of starts."""
+
+
+def _damped_step(system: NormalEquations, free: np.ndarray, damping: float) -> np.ndarray:
+    step = np.zeros(_N)
+    matrix = system.hessian[free][:, free]
+    matrix[np.diag_indices_from(matrix)] *= 1 + damping
+    step[free] = -np.linalg.solve(matrix, system.gradient[free])
+    return step / max(1.0, float((np.abs(step) / _LARGEST_STEP).max()))
+
+
+def updated_noise(problem: Problem, state: State, lin: Linearisation | None = None) -> Noise:
+    """Noise, height spread and shares that the residuals support, each with a weak prior.
+
+    A step of expectation-maximisation: a height that is only partly known hides part of the
+    residual, which its posterior variance puts back. People seen once tell the sum of noise and
+    height spread alone; it is split in the proportion believed so far. ``lin`` is the
+    linearisation at ``state`` where it is at hand.
+    """
+    lin = linearise(problem, state) if lin is None else lin
+    system = normal_equations(problem, state, lin)
+    noise, box, lone = state.noise, problem.points.from_box, problem.lone
+    hidden = np.zeros(len(problem.track))
+    hidden[problem.tracked] = (
+        lin.by_height[0, problem.tracked] ** 2 / system.height_information[problem.person]
+    )
+    along2, across2 = lin.residual[0] ** 2 + hidden, lin.residual[1] ** 2
+    weight_along, weight_across = lin.weight
+
+    def spread(
+        squares: np.ndarray, weight: np.ndarray, rows: np.ndarray, now: float, start: float
+    ) -> float:
+        total, found = float(weight[rows].sum()), float((weight * squares)[rows].sum())
+        value = np.sqrt((_PRIOR_COUNT * start**2 + found * now**2) / (_PRIOR_COUNT + total))
+        return float(np.clip(value, *_NOISE_RANGE))
+
+    first = Noise()
+    seen = np.zeros(problem.n_heights, bool)
+    seen[problem.person[lin.inlier[problem.tracked] > 0.5]] = True
+    trust = np.where(seen, lin.height_weight, 0.0)
+    height2 = float((trust * (state.delta_m**2 + 1 / system.height_information)).sum())
+    height2 += float((weight_along * along2)[lone].sum()) * noise.height_m**2
+    count = _PRIOR_COUNT + float(trust.sum()) + float(weight_along[lone].sum())
+    height = np.sqrt((_PRIOR_COUNT * first.height_m**2 + height2) / count)
+    everybody = _PRIOR_COUNT + float(problem.weight.sum())
+    short = float((weight_across - weight_along).sum())
+    stray = float((problem.weight - weight_across).sum())
+    return Noise(
+        along=spread(along2, weight_along, ~box, noise.along, first.along),
+        across=spread(across2, weight_across, ~box, noise.across, first.across),
+        box_along=spread(along2, weight_along, box, noise.box_along, first.box_along),
+        height_m=float(np.clip(height, *_HEIGHT_RANGE)),
+        short=(_PRIOR_COUNT * first.short + short) / everybody,
+        stray=(_PRIOR_COUNT * first.stray + stray) / everybody,
+    )
+
+
+def observed_weights(problem: Problem, lin: Linearisation) -> Float[np.ndarray, "2 n"]:
+    """Weights that give the information of the mixture instead of the least squares' one.
+
+    Not knowing who is an outlier costs information: where the probability is q, the second
+    derivative of ``-log p`` is ``q - q (1 - q) r²`` and not q (Louis 1982); averaged over people.
+    """
+    share = lin.weight / np.maximum(problem.weight, 1e-12)
+    lost = (lin.weight * (1 - share) * np.minimum(lin.residual**2, 9.0)).sum(axis=1)
+    kept = 1 - lost / np.maximum(lin.weight.sum(axis=1), 1e-9)
+    return lin.weight * np.clip(kept, 0.3, 1.0)[:, None]

@@ -1,0 +1,230 @@
+"""``solve_camera``: from the feet and heads of people to the camera that sees them."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from scene4d.calibration import _verdict as verdict
+from scene4d.calibration._body import FOCAL, HEIGHT
+from scene4d.calibration._case import Case, ImageFrame, different_people, ground_errors
+from scene4d.calibration._joint import position_weights, solve
+from scene4d.calibration._lines import Lines
+from scene4d.calibration._paper import paper_calibration
+from scene4d.calibration._prior import Prior, default_prior
+from scene4d.calibration._refine import Problem, State, linearise, spreads
+from scene4d.calibration._uncertainty import covariance
+from scene4d.calibration.options import POINTS, CalibrateOptions
+from scene4d.core.body import FOOT_HEIGHT_M, HEIGHT_SIGMA_M, PERSON_HEIGHT_M
+from scene4d.core.calibration import Calibration
+from scene4d.core.errors import InputError
+from scene4d.core.orientation import Orientation
+from scene4d.core.people import Segments
+from scene4d.core.points import ImageSize, as_image_size
+
+TRACK_CORRELATION = 0.12
+"""Of one person's errors across the body in different places (gait, posture); PETS has 0.11
+(benchmarks/keypoint_bias.py)."""
+_LENS_AGREEMENT = 0.03
+"""Relative difference of two given focal lengths that is worth a warning. Chosen by hand: three
+times what lens calibrations of one camera differ by."""
+
+
+def solve_camera(
+    foot_uv: Float[np.ndarray, "n 2"],
+    head_uv: Float[np.ndarray, "n 2"],
+    *,
+    image_size: ImageSize,
+    person_height_m: float = PERSON_HEIGHT_M,
+    foot_height_m: float = FOOT_HEIGHT_M,
+    track: Int[np.ndarray, "n"] | None = None,
+    prior: Orientation | None = None,
+    method: str = "joint",
+) -> Calibration:
+    """The camera that sees upright people with these feet and heads (undistorted pixels).
+
+    ``method="joint"`` estimates focal length, tilt, roll and height together; ``prior`` may state
+    what is known of the first three. ``method="paper"`` takes them from ``prior`` and solves for
+    the height alone (Wagner et al. 2019). ``person_height_m`` is the mean height of the
+    population, and all uncertainties are conditional on it; ``foot_height_m`` is the height of
+    the foot points above the ground. ``track`` says which rows are one person, in order of time;
+    -1 is unknown. Rows of unknown track may all be one person, and the uncertainty of the scale
+    allows for it: pass ``track=np.arange(n)`` if every row is another person.
+
+    Returns a :class:`Calibration`, false with a reason where the camera is undetermined. Raises
+    :class:`InputError` for arrays that are no points, and for the paper's method without prior.
+    """
+    foot, head = np.asarray(foot_uv, float), np.asarray(head_uv, float)
+    for name, points in (("foot_uv", foot), ("head_uv", head)):
+        if points.ndim != 2 or points.shape[1] != 2:
+            raise InputError(f"{name} must be an (n, 2) array, found shape {points.shape}")
+        if not np.isfinite(points).all():
+            row = int(np.flatnonzero(~np.isfinite(points).all(axis=1))[0])
+            raise InputError(f"{name} row {row} is not finite: drop people without that point")
+    if track is not None and np.asarray(track).dtype.kind not in "iu":
+        raise InputError("track must hold whole numbers, -1 where unknown")
+    if len(foot) != len(head) or (track is not None and len(track) != len(foot)):
+        raise InputError("foot_uv, head_uv and track must have one row per person")
+    segments = Segments.from_points(foot, head, track=track)
+    options = replace(
+        POINTS,
+        person_height_m=person_height_m,
+        foot_height_m=foot_height_m,
+        orientation="people" if prior is None else prior,
+        method=method,
+    )
+    # Rows of points do not say which were seen at one moment: each has a frame of its own.
+    segments = replace(segments, frame=np.arange(len(foot)))
+    return solve_segments(segments, image_size, options)
+
+
+def solve_segments(
+    segments: Segments,
+    image_size: ImageSize,
+    options: CalibrateOptions,
+    *,
+    edges_xyxy: Float[np.ndarray, "m 4"] | None = None,
+    guessed: bool = False,
+) -> Calibration:
+    """As :func:`solve_camera`, on segments in pixels of the footage.
+
+    The files that ``options`` name must have been read (:meth:`CalibrateOptions.read`).
+    ``edges_xyxy`` are straight edges of the scene in the same pixels. A ``guessed`` orientation is
+    not named where the people contradict it: the caller asks :func:`.disagreements`.
+    """
+    if options.method == "paper" and options.known_orientation is None:
+        raise InputError("the paper's method needs an orientation: pass one, or read the network's")
+    image_size = as_image_size(image_size)
+    case = Case(segments, ImageFrame(image_size, options.known_lens), options)
+    usable = case.usable
+    if usable.sum() < verdict.MIN_PEOPLE:
+        return case.undetermined(
+            f"{int(usable.sum())} upright people are seen whole, and at least "
+            f"{verdict.MIN_PEOPLE} are needed: use more footage, or footage with people in it"
+        )
+    if options.method == "paper":
+        return paper_calibration(case)
+    prior = _prior(case)
+    if segments.from_box[usable].all() and prior.sigma[FOCAL] > verdict.FOCAL_KNOWN:
+        return case.undetermined(verdict.BOXES_ALONE)
+    problem = _problem(case, prior, edges_xyxy)
+    state = solve(problem, seed=options.seed)
+    if state is None:
+        return case.undetermined("no camera above the ground explains what is seen")
+    found = _judged(case, problem, state)
+    if not found or guessed:
+        return found
+    return replace(found, warnings=(*found.warnings, *_contradictions(case)))
+
+
+def _prior(case: Case) -> Prior:
+    """What is known before anybody is seen."""
+    asked, unit = case.asked, case.frame.half_diagonal_px
+    prior = default_prior(estimate_distortion=asked.estimate_distortion and case.frame.lens is None)
+    if asked.known_orientation is not None:
+        prior = prior.with_orientation(asked.known_orientation, unit)
+    if asked.fixed_focal_px is not None:
+        prior = prior.with_focal(asked.fixed_focal_px, unit)
+    return prior
+
+
+def _problem(case: Case, prior: Prior, edges_xyxy: np.ndarray | None) -> Problem:
+    """The minimisation over the usable people."""
+    points = case.points.select(case.usable)
+    track = _renumbered(case.segments.track[case.usable])
+    length = np.hypot(*(points.head - points.foot))
+    correlation = TRACK_CORRELATION if case.asked.systematics else 0.0
+    weight = position_weights(points.foot, length, track, correlation)
+    lines = None
+    if edges_xyxy is not None and len(edges_xyxy):
+        lines = _lines(case.frame, edges_xyxy)
+    return Problem(points, track, weight, case.asked.person_height_m, prior, lines)
+
+
+def _renumbered(track: np.ndarray) -> np.ndarray:
+    """Tracks as 0..t-1, with a track of its own for every person without one."""
+    unknown = track < 0
+    own = np.where(unknown, track.max(initial=0) + 1 + np.arange(len(track)), track)
+    return np.unique(own, return_inverse=True)[1]
+
+
+def _lines(frame: ImageFrame, xyxy: np.ndarray) -> Lines:
+    ends = xyxy.reshape(-1, 2)
+    if frame.lens is not None:
+        ends = frame.lens.undistort(ends)[0]
+    both = frame.normalised(ends).T.reshape(-1, 4)
+    both = both[np.isfinite(both).all(axis=1)]
+    both = both[np.hypot(both[:, 2] - both[:, 0], both[:, 3] - both[:, 1]) > 1e-6]
+    unit = frame.half_diagonal_px
+    return Lines.from_pixels(both * unit, np.zeros(2), unit)
+
+
+def _judged(case: Case, problem: Problem, state: State) -> Calibration:
+    """The calibration of a solved problem, or its refusal."""
+    people = different_people(case.segments.select(case.usable))
+    cov = covariance(
+        problem,
+        state,
+        systematics=case.asked.systematics,
+        measured_lens=case.frame.lens is not None,
+    )
+    cov[HEIGHT, HEIGHT] += _scale_variance(case, problem, people)
+    lin = linearise(problem, state)
+    inlier = case.over_all(lin.inlier > 0.5, False)
+    camera = case.frame.camera(state.parameters)
+    errors = ground_errors(case.found(camera=camera, covariance=cov, inlier=inlier))
+    share = float(inlier[case.usable].mean())
+    depth = verdict.depth_of(problem.points, camera.R[:, 2], lin.inlier > 0.5)
+    why = verdict.refusal(
+        problem.points, problem.prior, state.parameters, depth, cov, errors.relative, share
+    )
+    if why is not None:
+        return case.undetermined(why, inlier)
+    along, across = spreads(problem, state.noise)
+    return case.found(
+        camera=camera,
+        covariance=cov,
+        inlier=inlier,
+        residual=case.over_all(np.hypot(lin.residual[0] * along, lin.residual[1] * across), np.nan),
+        ground_error_m=errors.within,
+        ground_error_from_camera_m=errors.from_camera,
+        warnings=tuple(verdict.warnings(int(case.usable.sum()), people, share, problem.prior, cov)),
+    )
+
+
+def _scale_variance(case: Case, problem: Problem, people: int) -> float:
+    """Relative variance of the scale beyond the solver's: the population's mean is not known for
+    sure, and sightings of unknown track may be fewer ``people`` than the solver counts.
+    """
+    counted = len(np.unique(problem.track))
+    population2 = case.asked.population_sigma_m**2
+    missing2 = HEIGHT_SIGMA_M**2 * max(1 / people - 1 / counted, 0.0)
+    return (population2 + missing2) / problem.person_height_m**2
+
+
+def _contradictions(case: Case) -> list[str]:
+    """Sentences about given values that the people, asked again without them, contradict; none
+    where nothing was given, and of boxes alone, which cannot answer.
+    """
+    asked = case.asked
+    given, fixed = asked.known_orientation, asked.fixed_focal_px
+    said = []
+    if given is not None and fixed is not None:
+        apart = abs(np.log(given.focal_px / fixed))
+        if np.isfinite(given.focal_sigma_px) and apart > _LENS_AGREEMENT:
+            said.append(
+                f"The orientation's focal length ({given.focal_px:.0f} px) differs from the "
+                f"lens file's ({fixed:.0f} px), which was used."
+            )
+    if fixed is not None:
+        given = given or Orientation(fixed, 0.0, 0.0, 0.0, np.inf, np.inf)
+        given = replace(given, focal_px=fixed, focal_sigma_px=0.0)
+    if given is None or case.segments.from_box[case.usable].all():
+        return said
+    free = replace(asked, orientation="people", estimate_focal=True)
+    alone = solve_segments(case.segments, case.frame.image_size, free, guessed=True)
+    return said + [
+        f"The {name} that was given, {stated}, contradicts the people, who by themselves say "
+        f"{found}."
+        for name, stated, found in verdict.disagreements(alone, given)
+    ]

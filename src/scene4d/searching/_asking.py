@@ -1,0 +1,138 @@
+"""What a search asks for: words and options, read against a scene."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from scene4d.core.errors import InputError
+from scene4d.core.text import nearest
+from scene4d.searching._places import Places, read_places
+from scene4d.searching.activities._terms import places_of
+from scene4d.searching.activities.catalogue import load_catalogue
+from scene4d.searching.activities.search import MIN_SCORE
+from scene4d.searching.language import Query, Window, parse_query
+from scene4d.searching.predicates._registry import PREDICATES
+from scene4d.store.query import Scene
+from scene4d.store.runs import Run
+
+_DAY_S = 86_400.0
+
+
+@dataclass(frozen=True)
+class SearchOptions:
+    """What a user may say about a search besides its words.
+
+    ``min_score`` is the least score of an event. ``top`` is how many events are shown, in pictures
+    and on the page; the result holds all. ``catalogues`` are YAML files of activities beside the
+    built-in ones, ``zones`` is a file of named zones and lines. ``footage`` is a file or a folder
+    in which to look for footage that is no longer where it was tracked.
+    """
+
+    min_score: float = MIN_SCORE
+    top: int = 10
+    catalogues: Sequence[str | Path] = ()
+    zones: str | Path | None = None
+    footage: str | Path | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot work before any work is done; raises :class:`InputError`."""
+        if not 0 <= self.min_score <= 1:
+            raise InputError(f"min_score must lie between 0 and 1, found {self.min_score}")
+        if self.top < 1:
+            raise InputError(f"top must be at least 1, found {self.top}")
+        if self.footage is not None and not Path(self.footage).exists():
+            raise InputError(f"footage: {self.footage} does not exist")
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A search that can be made: the ``query`` as it was understood, the ``places`` that it names,
+    and ``notes``: the query's own, and those on how it meets this scene.
+    """
+
+    scene: Scene
+    query: Query
+    options: SearchOptions
+    places: Places
+    notes: tuple[str, ...]
+
+
+def understand(scene: Scene, words: str, options: SearchOptions) -> Asked:
+    """Read the words; of the scene only its manifests are looked at.
+
+    Raises :class:`InputError` for words, files and places that are not understood, for a role that
+    nobody in the scene can play, and for a time of day where that of the footage is unknown.
+    """
+    places = Places() if options.zones is None else read_places(Path(options.zones), scene.cameras)
+    catalogue = load_catalogue(*map(Path, options.catalogues))
+    query = parse_query(words, catalogue, zones=places.names("zone"), lines=places.names("line"))
+    _check_roles(scene, query)
+    used = _used(query, places)
+    named = Places(tuple(place for place in places.all if place.name in used))
+    notes = [*query.notes]
+    if named.shared and len(scene.cameras) > 1:
+        notes.append(
+            f"{', '.join(map(repr, named.shared))}: taken in the metres of each of "
+            f"{len(scene.cameras)} cameras, since the file names none for it"
+        )
+    if query.window is not None:
+        notes += _check_window(scene, query)
+    return Asked(scene, query, options, named, tuple(notes))
+
+
+def _check_roles(scene: Scene, query: Query) -> None:
+    there = scene.classes
+    for role in query.activity.roles:
+        if not set(role.classes) & set(there):
+            rows = ", ".join(f"{name} ({count:,} rows)" for name, count in there.items())
+            raise InputError(
+                f"the scene has no {' or '.join(role.classes)}: nobody can be the {role.name!r} of "
+                f"{query.text!r}; there: {rows}"
+            )
+
+
+def _used(query: Query, places: Places) -> set[str]:
+    """The names of the places that are asked for."""
+    used: set[str] = set()
+    for kind in ("zone", "line"):
+        for name in places_of(query.activity.terms, kind, PREDICATES):
+            there = places.names(kind)
+            if name not in there:
+                raise InputError(
+                    f"{query.text!r} asks for the {kind} {name!r}{nearest(name, there)}; name "
+                    "places in a file and pass it as zones"
+                )
+            used.add(name)
+    return used
+
+
+def _check_window(scene: Scene, query: Query) -> list[str]:
+    """Notes on the time of day; raises where that of no run is known."""
+    runs = [run for run in scene.runs if run.rows]
+    unknown = sum(not run.start_known for run in runs)
+    if unknown == len(runs):
+        raise InputError(
+            f"{query.text!r} asks for a time of day, but when the footage began is not known: "
+            "track it again with its start, such as 2026-11-20T08:00:00Z"
+        )
+    notes = ["times of day are UTC; an event belongs to the time at which it begins"]
+    if unknown:
+        notes.append(f"{unknown} of {len(runs)} clips are left out: their start is not known")
+    return notes
+
+
+def reaches(run: Run, window: Window | None) -> bool:
+    """Whether anything in a run can begin in the window."""
+    if window is None:
+        return True
+    if not run.start_known or not run.parts:
+        return False
+    begin_s = min(part.begin_s for part in run.parts)
+    length_s = max(part.end_s for part in run.parts) - begin_s
+    first = second_of_day(run, begin_s)
+    return window.contains(first) or (window.begin_s - first) % _DAY_S <= length_s
+
+
+def second_of_day(run: Run, time_s: float) -> float:
+    """Seconds since midnight, UTC, of a run whose start is known."""
+    return (run.moment_ns(time_s) / 1e9) % _DAY_S

@@ -1,0 +1,185 @@
+"""``search``: every event that words ask for, in all runs of a scene, best first."""
+
+import os
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from scene4d.core.calibration import Calibration
+from scene4d.core.errors import InputError
+from scene4d.core.progress import Progress, Silent, timed
+from scene4d.core.tracks import Tracks
+from scene4d.searching._asking import Asked, SearchOptions, reaches, second_of_day, understand
+from scene4d.searching._places import Places
+from scene4d.searching.activities._events import Event
+from scene4d.searching.activities._terms import places_of
+from scene4d.searching.activities.definition import Activity
+from scene4d.searching.activities.search import judge
+from scene4d.searching.language import Window
+from scene4d.searching.predicates._registry import PREDICATES
+from scene4d.searching.predicates.stage import Stage
+from scene4d.searching.result import FoundEvent, SearchResult
+from scene4d.searching.stages import STEP_S, kept_moments, stage_of, thinned
+from scene4d.store.query import Scene
+from scene4d.store.runs import Run
+
+_Place = str | os.PathLike[str] | Scene
+_AROUND_S = 4.0
+"""Rows this long before and after an event are kept to show it; chosen by hand: long enough to see
+where somebody came from."""
+
+
+def search(
+    scene: _Place | Sequence[_Place],
+    words: str,
+    options: SearchOptions | None = None,
+    *,
+    progress: Progress | None = None,
+    **more: Any,
+) -> SearchResult:
+    """Find what ``words`` say in what cameras tracked: events, best first.
+
+    ``scene`` is a folder that ``track`` wrote, a :class:`Scene`, or several of them;
+    docs/search-language.md says what words are understood. Options are those of
+    :class:`SearchOptions`, in one or by their names: ``search("scene", "person enters vehicle",
+    min_score=0.3)``. Raises :class:`InputError` for a scene that cannot be read, for words, files
+    and places that are not understood, and where nobody can be found for a role.
+    """
+    several = [scene] if isinstance(scene, str | os.PathLike | Scene) else scene
+    options = replace(options or SearchOptions(), **more)
+    return answer(understand(Scene.open(*several), words, options), progress or Silent())
+
+
+def answer(asked: Asked, progress: Progress) -> SearchResult:
+    """Search all runs one after the other; memory holds one of them.
+
+    Raises :class:`InputError` for a scene that cannot be read, and where no camera sees the places
+    that are asked for.
+    """
+    result = SearchResult(asked)
+    runs = _runs(asked)
+    with progress.stage("Searching", len(runs)) as step:
+        calibrations = {
+            camera: Calibration.load(asked.scene.camera_file(camera))
+            for camera in {run.camera for run in runs}
+        }
+        for run in runs:
+            with timed(result.timings, "load"):
+                stage = staged_run(asked, run, calibrations[run.camera])
+            with timed(result.timings, "search"):
+                _search_run(result, stage, run)
+            step(1)
+    return result
+
+
+def _runs(asked: Asked) -> list[Run]:
+    """Those that can hold an event."""
+    runs = [run for run in asked.scene.runs if run.rows]
+    names = [run.run for run in runs]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"run {twice!r} is in two of the scenes; search them apart")
+    activity = asked.query.activity
+    seeing = _seeing(asked)
+    return [
+        run
+        for run in runs
+        if run.camera in seeing
+        and _playable(activity, run.classes)
+        and reaches(run, asked.query.window)
+    ]
+
+
+def _seeing(asked: Asked) -> list[str]:
+    """The cameras that see all places that are asked for; raises where there is none."""
+    terms = asked.query.activity.terms
+    wanted = {kind: set(places_of(terms, kind, PREDICATES)) for kind in ("zone", "line")}
+    seeing = [
+        camera
+        for camera in asked.scene.cameras
+        if all(names <= set(asked.places.of(camera, kind)) for kind, names in wanted.items())
+    ]
+    if not seeing:
+        places = ", ".join(sorted(set().union(*wanted.values())))
+        raise InputError(f"{asked.query.text!r}: no one camera sees all of {places}")
+    return seeing
+
+
+def _playable(activity: Activity, classes: Collection[str]) -> bool:
+    """Whether there is somebody for every role."""
+    return all(set(role.classes) & set(classes) for role in activity.roles)
+
+
+def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Stage:
+    """One run as a stage; raises as :meth:`Scene.sql` and :func:`stage_of`.
+
+    Without keypoints unless a predicate looks at them: a day's rows are mostly keypoints and
+    covariances, and reading these takes several times as long as the search itself. Tracks of
+    annotations, where one object may have several, are united.
+    """
+    alone = asked.scene.only(run.run)
+    posed = any(PREDICATES[term.predicate].keypoints for term in asked.query.activity.terms)
+    tracks, step_s = thinned(alone.tracks(), STEP_S) if posed else lean_tracks(alone, STEP_S)
+    places: Places = asked.places
+    stage = stage_of(
+        tracks,
+        calibration,
+        step_s=step_s,
+        zones=places.of(run.camera, "zone"),
+        lines=places.of(run.camera, "line"),
+    )
+    if "annotations" in run.provenance:
+        from scene4d.searching.activities.identity import unite_tracks  # SciPy's graphs load slowly
+
+        stage = unite_tracks(stage)
+    return stage
+
+
+def lean_tracks(scene: Scene, step_s: float) -> tuple[Tracks, float]:
+    """Rows of a scene without keypoints, :func:`thinned` and ordered by (track, time), and the time
+    between them.
+    """
+    step = step_s
+
+    def choose(track: np.ndarray, time_s: np.ndarray) -> np.ndarray:
+        nonlocal step
+        kept, step = kept_moments(time_s, step_s)
+        order: np.ndarray = np.lexsort((time_s, track))
+        return order if kept is None else order[kept[order]]
+
+    tracks = scene.lean_tracks(choose)
+    return tracks, step
+
+
+def _search_run(result: SearchResult, stage: Stage, run: Run) -> None:
+    asked = result.asked
+    result.runs.append(run)
+    result.rows += len(stage.tracks)
+    judged = judge(stage, asked.query.activity, min_score=asked.options.min_score)
+    events = _in_window(asked.query.window, run, judged.events)
+    if not events:
+        result.candidates += judged.casts
+    for number, event in enumerate(events):
+        begin, end = stage.frame_at(event.begin_s), stage.frame_at(event.end_s)
+        around = _around(stage.tracks, event) if number < asked.options.top else None
+        result.events.append(FoundEvent(event, run, begin, end, around))
+    result.events.sort(key=_rank)
+    top = asked.options.top
+    result.events[top:] = [replace(one, around=None) for one in result.events[top:]]
+
+
+def _in_window(window: Window | None, run: Run, events: Iterable[Event]) -> list[Event]:
+    if window is None:
+        return list(events)
+    return [event for event in events if window.contains(second_of_day(run, event.begin_s))]
+
+
+def _around(tracks: Tracks, event: Event) -> Tracks:
+    time = tracks.time_s
+    return tracks.select((time >= event.begin_s - _AROUND_S) & (time <= event.end_s + _AROUND_S))
+
+
+def _rank(found: FoundEvent) -> tuple[float, str, float]:
+    return (-found.event.score, found.run.run, found.event.begin_s)

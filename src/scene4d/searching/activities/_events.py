@@ -1,0 +1,118 @@
+"""Events: what was found, when, who took part, and why; one of them per occurrence."""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from scene4d.searching.activities._compose import Aligned
+from scene4d.searching.activities._evidence import Evidence, phase_value
+from scene4d.searching.activities._terms import term_text
+from scene4d.searching.activities.definition import Activity
+from scene4d.searching.predicates.stage import Stage
+
+WITHOUT_BREAK = "without a break"
+"""Entry of :attr:`Event.why` for what stretching phases over what denies them cost."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """An activity that happened. ``score`` is the product of its phases' probabilities,
+    ``mean_score`` the geometric mean over all their predicates, which compares activities of
+    different length.
+
+    Seconds count from the clip's start. ``roles`` maps each role to its track; ``why`` each
+    predicate, as ``phase: predicate(role, ...)``, to what it contributed: the score is the product
+    of these, a NaN (nothing could be judged: no keypoints, say) counting one half.
+    """
+
+    activity: str
+    score: float
+    mean_score: float
+    begin_s: float
+    end_s: float
+    roles: Mapping[str, int]
+    why: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """An event, who took part (tracks by their position), and where its doer was in the end."""
+
+    event: Event
+    doer: int
+    partners: tuple[int, ...]
+    place_m: Float[np.ndarray, "2"]
+
+
+def found_event(
+    stage: Stage, activity: Activity, evidence: Evidence, cast: int, aligned: Aligned
+) -> Found:
+    """The event of an alignment; ``aligned`` counts the moments of ``evidence.casts``."""
+    casts = evidence.casts
+    why = {}
+    for number, (phase, (first, last)) in enumerate(
+        zip(activity.phases, aligned.core, strict=True)
+    ):
+        for term, values in zip(phase.terms, evidence.terms[number], strict=True):
+            why[f"{phase.name}: {term_text(term)}"] = phase_value(values[first : last + 1])
+    if aligned.stretched < -0.01:
+        why[WITHOUT_BREAK] = float(np.exp(aligned.stretched))
+    score = float(np.exp(min(aligned.log_score, 0.0)))
+    who = casts.tracks[cast]
+    numbers = stage.tracks.track[stage.first_row]
+    base = next(rows for view, rows in casts.rows.items() if view[1] == 0)
+    begin, end = base[aligned.begin], base[aligned.end]
+    event = Event(
+        activity.name,
+        score,
+        score ** (1 / len(activity.terms)),
+        float(stage.tracks.time_s[begin]),
+        float(stage.tracks.time_s[end]),
+        {role.name: int(numbers[at]) for role, at in zip(activity.roles, who, strict=True)},
+        why,
+    )
+    place = stage.tracks.xy_m[base[aligned.core[-1][1]]]
+    return Found(event, int(who[0]), tuple(int(at) for at in who[1:]), place)
+
+
+def one_per_occurrence(
+    found: Sequence[Found], *, symmetric: bool = False, crowd_m: float = 0.0
+) -> list[Event]:
+    """Of events that overlap in time and have one doer only the best, best first.
+
+    The doer is the first role; where roles may be swapped (``symmetric``) each of them is. Doers
+    within ``crowd_m`` of one another count as one. Equal scores are ordered by time, then tracks.
+    """
+    order = sorted(
+        found,
+        key=lambda f: (
+            round(-f.event.score, 9),
+            f.event.begin_s,
+            f.event.end_s,
+            tuple(f.event.roles.values()),
+        ),
+    )
+    kept: list[Event] = []
+    taken: dict[int, list[tuple[float, float]]] = defaultdict(list)
+    crowds: list[Found] = []
+    for one in order:
+        begin, end = one.event.begin_s, one.event.end_s
+        doers = (one.doer, *one.partners) if symmetric else (one.doer,)
+        if any(b <= end and begin <= e for doer in doers for b, e in taken[doer]):
+            continue
+        if crowd_m and any(_together(one, other, crowd_m) for other in crowds):
+            continue
+        kept.append(one.event)
+        crowds.append(one)
+        for doer in doers:
+            taken[doer].append((begin, end))
+    return kept
+
+
+def _together(one: Found, other: Found, crowd_m: float) -> bool:
+    a, b = one.event, other.event
+    meets = a.begin_s <= b.end_s and b.begin_s <= a.end_s
+    return meets and float(np.linalg.norm(one.place_m - other.place_m)) <= crowd_m

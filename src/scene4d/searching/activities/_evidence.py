@@ -1,0 +1,181 @@
+"""The probability of every phase at every moment of every cast, and no more than is needed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from scene4d.searching.activities._casting import Casts, View, views_of
+from scene4d.searching.activities._terms import arguments
+from scene4d.searching.activities.definition import Activity, Term
+from scene4d.searching.predicates._registry import Predicate
+from scene4d.searching.predicates.stage import Stage
+
+FLOOR = 0.01
+"""A statement that is denied for one moment may be a slip of the tracker: no moment counts less.
+Chosen by hand; half and twice of it change the mean average precision on the tuning cameras by at
+most 0.001 (benchmarks/search_constants.py)."""
+_UNJUDGED = 0.5
+"""Where a predicate cannot be judged (NaN), nothing is known: the statement is a coin toss."""
+_ROUNDING = 1e-9
+"""Sums of logarithms are off by less: a score that just reaches the least one does reach it."""
+_BLOCK = 1 << 17
+"""Rows that a predicate is given at a time, so that what it gathers stays small."""
+
+_Statement = tuple[str, tuple[View, ...], tuple[tuple[str, float | str], ...]]
+"""A predicate of some views with its parameters."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """Log probabilities of the phases at every moment, (phases, moments): ``log_p`` the product of
+    all terms, ``log_judged`` of those that can be judged. ``terms`` are the probabilities of each
+    phase's terms, NaN where unjudged.
+    """
+
+    casts: Casts
+    log_p: Float[np.ndarray, "k n"]
+    log_judged: Float[np.ndarray, "k n"]
+    terms: tuple[tuple[Float[np.ndarray, "n"], ...], ...]
+
+
+def gather(
+    stage: Stage,
+    activity: Activity,
+    casts: Casts,
+    predicates: Mapping[str, Predicate],
+    least_score: float,
+) -> Evidence:
+    """The evidence for the casts that can still reach ``least_score``.
+
+    A phase is never more probable than its best moment. So terms are judged one after the other,
+    those of one role first, and casts whose best moments multiply to less are dropped; no event of
+    ``least_score`` or more is lost.
+    """
+    judged: dict[_Statement, np.ndarray] = {}
+    log_p = np.zeros((len(activity.phases), len(casts)))
+    unjudged = np.zeros(log_p.shape)
+    for statement, uses in _statements(activity):
+        values = judged[statement] = _judge(stage, casts, statement, predicates)
+        for phase, negated in uses:
+            log_p[phase] += _log_probability(values, negated)
+            unjudged[phase] += np.isnan(values)
+        alive = _alive(log_p, casts.first, least_score)
+        if not alive.all():
+            keep = np.repeat(alive, casts.count)
+            casts, log_p, unjudged = casts.only(alive), log_p[:, keep], unjudged[:, keep]
+            judged = {key: value[keep] for key, value in judged.items()}
+    # A moment at which nothing of a phase can be judged does not speak for it.
+    count = np.array([len(phase.terms) for phase in activity.phases])
+    nothing = unjudged == count[:, None]
+    log_judged = np.where(nothing, np.log(FLOOR), log_p - unjudged * np.log(_UNJUDGED))
+    log_p = np.where(nothing, np.log(FLOOR), log_p)
+    terms = tuple(
+        tuple(_negated(judged[_statement(term)], term.negated) for term in phase.terms)
+        for phase in activity.phases
+    )
+    return Evidence(casts, log_p, log_judged, terms)
+
+
+def promising(
+    stage: Stage,
+    activity: Activity,
+    role: str,
+    rows: Int[np.ndarray, "n"],
+    predicates: Mapping[str, Predicate],
+    least_score: float,
+) -> Int[np.ndarray, "m"]:
+    """The rows of those tracks that can reach ``least_score`` by what is said of their role alone:
+    as :func:`gather`, before any casts are made.
+    """
+    first = np.flatnonzero(np.diff(stage.track_of_row[rows], prepend=-1))
+    alone = Casts(
+        {(role, 0.0): rows}, stage.tick[rows], first, stage.track_of_row[rows[first]][:, None]
+    )
+    log_p = np.zeros((len(activity.phases), len(rows)))
+    for statement, uses in _statements(activity):
+        if statement[1] == ((role, 0.0),):
+            values = _judge(stage, alone, statement, predicates)
+            for phase, negated in uses:
+                log_p[phase] += _log_probability(values, negated)
+    return rows[np.repeat(_alive(log_p, first, least_score), alone.count)]
+
+
+def _alive(
+    log_p: Float[np.ndarray, "k n"], first: Int[np.ndarray, "d"], least_score: float
+) -> np.ndarray:
+    """Casts of which the best moments of all phases multiply to the least score, or more."""
+    if len(first) == 0:
+        return np.zeros(0, bool)
+    best = np.maximum.reduceat(log_p, first, axis=1).sum(axis=0)
+    return np.asarray(best >= np.log(least_score) - _ROUNDING)
+
+
+def _negated(values: Float[np.ndarray, "n"], negated: bool) -> Float[np.ndarray, "n"]:
+    return 1 - values if negated else values
+
+
+def _log_probability(
+    values: Float[np.ndarray, "n"], negated: bool = False
+) -> Float[np.ndarray, "n"]:
+    """Logarithm of a term's probabilities, floored, and of a coin toss where they are NaN."""
+    p = _negated(values, negated)
+    return np.log(np.where(np.isnan(p), _UNJUDGED, np.maximum(p, FLOOR)))
+
+
+def _statements(activity: Activity) -> list[tuple[_Statement, list[tuple[int, bool]]]]:
+    """Distinct statements, and the phases that use them; those of one role before those of two, and
+    of these the cheapest first.
+    """
+    uses: dict[_Statement, list[tuple[int, bool]]] = {}
+    for number, phase in enumerate(activity.phases):
+        for term in phase.terms:
+            uses.setdefault(_statement(term), []).append((number, term.negated))
+    return sorted(
+        uses.items(), key=lambda item: (len(item[0][1]), item[0][0] not in ("near", "far"))
+    )
+
+
+def _statement(term: Term) -> _Statement:
+    return (term.predicate, views_of(term), tuple(sorted(arguments(term).items())))
+
+
+def _judge(
+    stage: Stage, casts: Casts, statement: _Statement, predicates: Mapping[str, Predicate]
+) -> Float[np.ndarray, "n"]:
+    """The predicate at every moment; 0 where a lagged track was not there."""
+    name, views, parameters = statement
+    rows = [casts.rows[view] for view in views]
+    there = np.flatnonzero(np.logical_and.reduce([row >= 0 for row in rows]))
+    asked = [row[there] for row in rows]
+    values = np.zeros(len(casts))
+    if len(asked) == 1:
+        # A row that many casts share is judged once.
+        distinct = np.flatnonzero(np.bincount(asked[0], minlength=len(stage.tracks)))
+        of_row = np.full(len(stage.tracks), np.nan)
+        of_row[distinct] = _call(stage, predicates[name], [distinct], dict(parameters))
+        values[there] = of_row[asked[0]]
+    else:
+        values[there] = _call(stage, predicates[name], asked, dict(parameters))
+    return values
+
+
+def _call(
+    stage: Stage,
+    predicate: Predicate,
+    rows: list[np.ndarray],
+    parameters: dict[str, float | str],
+) -> Float[np.ndarray, "n"]:
+    out = np.empty(len(rows[0]))
+    for begin in range(0, len(out), _BLOCK):
+        block = slice(begin, begin + _BLOCK)
+        out[block] = predicate.function(*(stage.rows(row[block]) for row in rows), **parameters)
+    return np.clip(out, 0.0, 1.0)
+
+
+def phase_value(values: Float[np.ndarray, "n"]) -> float:
+    """Geometric mean of a term over some moments, as it enters the score; NaN where all are."""
+    if np.isnan(values).all():
+        return float("nan")
+    return float(np.exp(_log_probability(values).mean()))

@@ -1,0 +1,174 @@
+"""Sentences as activities: roles for nouns, terms for states, phases for what comes in order."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from scene4d.searching.language._discourse import Discourse
+from scene4d.searching.language._doing import activity_of
+from scene4d.searching.language._saying import (
+    Piece,
+    during,
+    in_order,
+    shortest_of,
+    state,
+    state_of,
+    throughout,
+)
+from scene4d.searching.language._sentences import (
+    Chain,
+    Choice,
+    Clause,
+    Done,
+    Joined,
+    Lasting,
+    Said,
+    Span,
+    options_of,
+)
+
+
+def compose(order: Chain | Choice, discourse: Discourse) -> Piece:
+    """The search as one piece. Of several readings the likeliest that makes sense is taken, with a
+    note on the others. Raises :class:`InputError` where none makes sense.
+    """
+    return _chosen(order, discourse, _chain)
+
+
+def _chosen(
+    node: Chain | Joined | Choice, discourse: Discourse, read: Callable[[Any, Discourse], Piece]
+) -> Piece:
+    """The reading with the fewest people; a note where another means something else."""
+    found = discourse.trying(options_of(node), read)
+    _, piece, known = min(found, key=lambda item: len(item[2].people))
+    discourse.adopt(known)
+    others = {other.label for _, other, _ in found} - {piece.label}
+    if others:
+        discourse.note(f'it is taken as "{piece.label}"; it could be {_listed(others)}')
+    return piece
+
+
+def _chain(chain: Chain, discourse: Discourse) -> Piece:
+    whole = _chosen(chain.steps[0], discourse, _step)
+    for step, pause, word in zip(chain.steps[1:], chain.pauses, chain.words, strict=True):
+        piece = _chosen(step, discourse, _step)
+        if pause is None:
+            pause = discourse.assumed("then_s" if word == "then" else "before_s")
+            discourse.note(
+                f'"{word}" is taken as at most {pause:g} s later; say for example '
+                f'"{_with_pause(word)}" for another pause'
+            )
+        whole = in_order(whole, piece, pause)
+    return whole
+
+
+def _step(step: Joined | Chain, discourse: Discourse) -> Piece:
+    return _chain(step, discourse) if isinstance(step, Chain) else _joined(step, discourse)
+
+
+def _joined(joined: Joined, discourse: Discourse) -> Piece:
+    whole = _clause(joined.clauses[0], discourse)
+    begin = _span(joined.clauses[0])[0]
+    for clause, link in zip(joined.clauses[1:], joined.links, strict=True):
+        piece = _clause(clause, discourse)
+        whole = _together(whole, piece, link, (begin, _span(clause)[1]), discourse)
+    return whole
+
+
+def _together(first: Piece, second: Piece, link: str, span: Span, discourse: Discourse) -> Piece:
+    """Two pieces at the same time, or in order where "and" cannot mean that."""
+    if link == "while":
+        return _while(first, second, span, discourse)
+    if first.is_event and second.is_event:
+        return _and_then(first, second, discourse)
+    if first.is_event or second.is_event:
+        event, other = (first, second) if first.is_event else (second, first)
+        if other.is_instant or other.is_timed:
+            return _and_then(first, second, discourse)
+        return throughout(event, other.terms)
+    if _is_moment_in(first, second, discourse) or _is_moment_in(second, first, discourse):
+        return _and_then(first, second, discourse)
+    return _merged(first, second, span, discourse)
+
+
+def _while(first: Piece, second: Piece, span: Span, discourse: Discourse) -> Piece:
+    """Two pieces at the same time: the shorter within the longer where they cannot be one."""
+    for inner, outer in ((first, second), (second, first)):
+        if _is_moment_in(inner, outer, discourse):
+            return during(inner, outer)
+        if inner.is_event and not outer.is_event and not outer.is_instant:
+            return during(inner, outer) if outer.is_timed else throughout(inner, outer.terms)
+        if inner.is_instant and outer.is_event and len(outer.phases) == 1:
+            return during(inner, outer)
+    if first.is_event or second.is_event:
+        what = '"while" needs a state that lasts at one of its sides, such as "is near a vehicle"'
+        raise discourse.refuse(span, what)
+    return _merged(first, second, span, discourse)
+
+
+def _is_moment_in(inner: Piece, outer: Piece, discourse: Discourse) -> bool:
+    """Whether one is a moment, and the other a state that is said to last longer."""
+    moment_s = discourse.assumed("instant_max_s")
+    longer = outer.least_s is not None and outer.least_s > moment_s
+    return inner.is_instant and not outer.is_instant and not outer.is_event and longer
+
+
+def _and_then(first: Piece, second: Piece, discourse: Discourse) -> Piece:
+    pause = discourse.assumed("then_s")
+    discourse.note(
+        f'"and" between "{first.label}" and "{second.label}" is taken as "then", at most '
+        f'{pause:g} s later; say "then", or "is ..." for what is so at the same time'
+    )
+    return in_order(first, second, pause)
+
+
+def _merged(first: Piece, second: Piece, span: Span, discourse: Discourse) -> Piece:
+    """Two states that hold together, as long as both may."""
+    both = [Lasting(one.least_s, one.most_s, span) for one in (first, second)]
+    is_instant = first.is_instant or second.is_instant
+    lasting = shortest_of(both, span, discourse)
+    return state((*first.terms, *second.terms), lasting, is_instant, discourse)
+
+
+def _clause(clause: Clause | Choice, discourse: Discourse) -> Piece:
+    """The reading that is meant: an activity, unless "is" or "not" ask for a state."""
+    readings = [
+        replace(option, core=core)
+        for option in options_of(clause)
+        for core in options_of(option.core)
+    ]
+    found = discourse.trying(readings, _read)
+    found.sort(key=lambda item: _rank(item[0]))
+    _, piece, known = found[0]
+    discourse.adopt(known)
+    others = {other.label for _, other, _ in found[1:]} - {piece.label}
+    if others:
+        said = discourse.said(_span(clause))
+        discourse.note(f'"{said}" is taken as "{piece.label}"; it could be {_listed(others)}')
+    return piece
+
+
+def _read(clause: Clause, discourse: Discourse) -> Piece:
+    if isinstance(clause.core, Done):
+        return activity_of(clause, clause.core, discourse)
+    assert isinstance(clause.core, Said)
+    return state_of(clause, clause.core, discourse)
+
+
+def _rank(clause: Clause) -> tuple[int, int]:
+    """Smaller is likelier: what is preferred here, then the reading with fewer loose parts."""
+    wants_state = clause.polarity.is_denied or clause.polarity.is_state
+    return (int(isinstance(clause.core, Done) == wants_state), len(clause.modifiers))
+
+
+def _span(clause: Clause | Choice) -> Span:
+    span: Span = options_of(clause)[0].span
+    return span
+
+
+def _listed(others: set[str]) -> str:
+    return ", ".join(f'"{name}"' for name in sorted(others))
+
+
+def _with_pause(word: str) -> str:
+    return "then within 10 seconds" if word == "then" else f"within 10 seconds {word}"

@@ -1,0 +1,180 @@
+"""Who is meant by a noun: somebody new, or somebody named before; and what the reader is told."""
+
+from collections.abc import Callable, Collection, Iterable, Sequence
+from copy import copy
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+from scene4d.core.errors import InputError
+from scene4d.searching.activities.definition import Role, Term
+from scene4d.searching.language._lexicon import Lexicon
+from scene4d.searching.language._sentences import Noun, Span
+from scene4d.searching.language._words import refuse
+
+_Option = TypeVar("_Option")
+_Meant = TypeVar("_Meant")
+
+
+@dataclass(frozen=True)
+class _Referent:
+    """Somebody in a search: the name of the role, its kind, and the classes that may play it."""
+
+    name: str
+    kind: str
+    classes: tuple[str, ...]
+
+
+@dataclass
+class Discourse:
+    """Everybody named so far, in order; their names with the last mentioned last; the last subject;
+    and notes to the reader. A reading that is only tried works on a copy (:meth:`trying`).
+    """
+
+    text: str
+    lexicon: Lexicon
+    people: dict[str, _Referent] = field(default_factory=dict)
+    mentions: tuple[str, ...] = ()
+    subject: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def said(self, span: Span) -> str:
+        """The words of the search at these characters."""
+        return self.text[slice(*span)]
+
+    def refuse(self, span: Span, what: str) -> InputError:
+        """The error for these words."""
+        return refuse(self.text, span[0], what)
+
+    def assumed(self, name: str) -> float:
+        """Seconds that nobody said."""
+        return self.lexicon.assumed[name]
+
+    def note(self, note: str) -> None:
+        """Tell the reader, once."""
+        if note not in self.notes:
+            self.notes = (*self.notes, note)
+
+    def trying(
+        self, options: Iterable[_Option], read: Callable[[_Option, "Discourse"], _Meant]
+    ) -> list[tuple[_Option, _Meant, "Discourse"]]:
+        """What each option means, with the discourse after it; raises where none makes sense."""
+        found: list[tuple[_Option, _Meant, Discourse]] = []
+        failed: list[InputError] = []
+        for option in options:
+            known = copy(self)
+            known.people = dict(self.people)
+            try:
+                found.append((option, read(option, known), known))
+            except InputError as error:
+                failed.append(error)
+        if not found:
+            raise failed[0]
+        return found
+
+    def adopt(self, known: "Discourse") -> None:
+        """Go on from the discourse after the reading that was chosen."""
+        self.__dict__.update(known.__dict__)
+
+    def roles(self) -> tuple[Role, ...]:
+        """Everybody as roles, in the order in which they came up."""
+        return tuple(Role(person.name, person.classes) for person in self.people.values())
+
+    def mention(self, name: str) -> None:
+        """Somebody is spoken of again."""
+        self.mentions = (*(other for other in self.mentions if other != name), name)
+
+    def add(self, kind: str, classes: Sequence[str], wanted: str) -> str:
+        """Somebody new, under this name or the next that is free."""
+        name, number = wanted, 2
+        while name in self.people:
+            name, number = f"{kind}_{number}", number + 1
+        self.people[name] = _Referent(name, kind, tuple(classes))
+        self.mention(name)
+        return name
+
+    def narrow(self, name: str, classes: Sequence[str]) -> None:
+        """Somebody known is said to be of these classes."""
+        person = self.people[name]
+        common = tuple(one for one in person.classes if one in classes)
+        self.people[name] = replace(person, classes=common)
+
+    def name_of(self, noun: Noun, besides: Collection[str]) -> str:
+        """The name of a noun's role, of somebody new where nobody known is meant."""
+        if noun.article == "reciprocal":
+            raise self.refuse(noun.span, '"each other" needs two, such as "two people"')
+        name = self.meant(noun, noun.classes, besides)
+        self.remark(noun)
+        if name is None:
+            return self.add(noun.kind, noun.classes, noun.kind)
+        if noun.classes:
+            self.narrow(name, noun.classes)
+        self.mention(name)
+        return name
+
+    def meant(self, noun: Noun, classes: Sequence[str], besides: Collection[str]) -> str | None:
+        """The name of whom a noun refers to among those known, None for somebody new.
+
+        ``classes`` are those that may be meant, ``besides`` names who cannot be: nobody follows
+        himself. Raises :class:`InputError` for a pronoun that refers to nobody.
+        """
+        fitting = [
+            name
+            for name in self.mentions
+            if name not in besides and _fits(self.people[name], noun, classes)
+        ]
+        if noun.article == "pronoun" and not fitting:
+            raise self.refuse(noun.span, f'nobody was named whom "{noun.word}" could mean')
+        if noun.article == "new" or not fitting:
+            return None
+        if noun.article == "indefinite":
+            self.note(
+                f'"{self.said(noun.span)}" is taken as somebody new; say "the {noun.word}" for '
+                f"{fitting[-1]}"
+            )
+            return None
+        if noun.article == "other":
+            return fitting[0] if len(fitting) > 1 else None
+        chosen = ([name for name in self.subject if name in fitting] or fitting)[-1]
+        if len(fitting) > 1:
+            others = ", ".join(name for name in fitting if name != chosen)
+            self.note(f'"{self.said(noun.span)}" is taken as {chosen}; it could be {others}')
+        return chosen
+
+    def remark(self, noun: Noun, may_be_plural: bool = False) -> None:
+        """Note where a noun says more, or less, than is searched for."""
+        entry = self.lexicon.noun(noun.word) if noun.classes else None
+        if entry is None:
+            return
+        if entry.note:
+            self.note(f'"{noun.word}" is taken as any {entry.kind}: {entry.note}')
+        if noun.is_plural and not may_be_plural:
+            self.note(f'"{self.said(noun.span)}" is taken as one {noun.kind} at a time')
+        if not self.is_general(noun):
+            *kinds, last = noun.classes
+            listed = f"{', '.join(kinds)} and {last}" if kinds else last
+            unknown = " of unknown kind" if last == "vehicle" else ""
+            self.note(f'"{noun.word}" looks at {listed}{unknown}; say "{noun.kind}" for any')
+
+    def is_general(self, noun: Noun) -> bool:
+        """Whether a noun says no more than its kind."""
+        of_kind = [entry.classes for entry in self.lexicon.nouns if entry.kind == noun.kind]
+        return not noun.classes or len(noun.classes) == max(map(len, of_kind))
+
+
+def adjective_terms(noun: Noun, name: str, besides: Sequence[str] = ()) -> tuple[Term, ...]:
+    """What the words before a noun say of it; ``besides`` are predicates that are said already."""
+    return tuple(
+        Term(adjective.predicate, (name,), {}, adjective.negated)
+        for adjective in noun.adjectives
+        if adjective.predicate not in besides
+    )
+
+
+def _fits(referent: _Referent, noun: Noun, classes: Sequence[str]) -> bool:
+    """Whether somebody known may be meant: a car may be the vehicle, a truck is not the car."""
+    if noun.kind not in ("any", referent.kind):
+        return False
+    known, said = set(referent.classes), set(noun.classes)
+    if said and not (said <= known or known <= said):
+        return False
+    return not classes or bool(known & set(classes))

@@ -1,0 +1,248 @@
+"""The grammar of a search, written from the lexicon and the phrases of a catalogue."""
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
+
+from lark import Lark, Token
+from lark.lexer import Lexer
+
+from scene4d.searching.activities.definition import Activity
+from scene4d.searching.language._lexicon import Lexicon, base_forms, read_lexicon
+from scene4d.searching.language._phrases import PhraseReader
+from scene4d.searching.language._sentences import Spoken
+from scene4d.searching.language._words import Vocabulary, Word
+
+_OF_KIND = {
+    "number": "NUMBER",
+    "clock": "CLOCK",
+    "zone": "ZONE",
+    "line": "LINE",
+    "comma": "COMMA",
+    "whose": "WHOSE",
+}
+_SYMBOLS = {"object": "noun"}
+
+
+@dataclass(frozen=True, eq=False)
+class Grammar:
+    """A parser, the words that it knows with their tokens, and the activities that the rules
+    ``activity_N`` and ``whole_N`` speak of.
+    """
+
+    parser: Lark
+    terminals: Mapping[str, str]
+    spoken: tuple[tuple[Spoken, ...], ...]
+    lexicon: Lexicon
+
+    def tokens(self, words: Sequence[Word]) -> list[Token]:
+        """Words as tokens of the grammar, with their places in the text."""
+        return [
+            Token(
+                _OF_KIND.get(word.kind) or self.terminals[word.value],
+                word.value,
+                start_pos=word.start,
+                end_pos=word.end,
+            )
+            for word in words
+        ]
+
+    def vocabulary(self, zones: Sequence[str], lines: Sequence[str]) -> Vocabulary:
+        """The words of the grammar, with the names of places."""
+        return Vocabulary(self.terminals.keys(), self.lexicon, {"zone": zones, "line": lines})
+
+
+class _Ready(Lexer):
+    """Passes on tokens that are ready."""
+
+    def __init__(self, _conf: object) -> None:
+        pass
+
+    def lex(self, data: Iterable[Token]) -> Iterator[Token]:  # type: ignore[override]
+        yield from data
+
+
+def build_grammar(activities: Iterable[Activity]) -> Grammar:
+    """The grammar for these activities.
+
+    Raises :class:`InputError` for a phrase that has no verb, or speaks of somebody for whom its
+    activity has no role.
+    """
+    return _written(_Named(tuple(activities)))
+
+
+@dataclass(frozen=True)
+class _Named:
+    """Activities hold mappings and have no hash; the grammar of equal ones is the same."""
+
+    activities: tuple[Activity, ...]
+
+    def __hash__(self) -> int:
+        return hash(tuple((activity.name, activity.phrases) for activity in self.activities))
+
+
+@lru_cache(maxsize=8)
+def _written(named: _Named) -> Grammar:
+    return _Writer(read_lexicon()).write(named.activities)
+
+
+class _Writer:
+    """Collects words and rules, then hands them to the parser library.
+
+    While rules are collected a word stands in them as ``<word>``; at the end it becomes its token,
+    together with those of listed forms: "leave" is also "left", "stop" also "stopped".
+    """
+
+    def __init__(self, lexicon: Lexicon) -> None:
+        self._lexicon = lexicon
+        self._words: dict[str, str] = {}
+        self._rules: list[str] = []
+        self._either: dict[str, str] = {}
+
+    def write(self, activities: tuple[Activity, ...]) -> Grammar:
+        """The grammar."""
+        self._write_lexicon()
+        spoken = self._write_phrases(activities)
+        frame = files(__package__).joinpath("grammar.lark").read_text(encoding="utf-8")
+        rules = self._with_tokens()
+        tokens = dict.fromkeys([*_OF_KIND.values(), *self._words.values(), "NOTHING"])
+        text = "\n".join([frame, *rules, "%declare " + " ".join(tokens)])
+        parser = Lark(
+            text, parser="earley", lexer=_Ready, ambiguity="explicit", propagate_positions=True
+        )
+        return Grammar(parser, self._words, spoken, self._lexicon)
+
+    def _rule(self, name: str, rights: Iterable[str]) -> None:
+        """A rule that any of these right sides fulfils; the words in them become known."""
+        right = " | ".join(dict.fromkeys(rights)) or "NOTHING"
+        for word in re.findall(r"<([^>]+)>", right):
+            self._words.setdefault(word, f"W{len(self._words)}")
+        self._rules.append(f"{name}: {right}")
+
+    # The lexicon -------------------------------------------------------------------------------
+
+    def _write_lexicon(self) -> None:
+        lexicon = self._lexicon
+        for name, words in lexicon.sets.items():
+            self._rule(f"s_{name}", map(self._pattern, words))
+        for name, entry in lexicon.verbs.items():
+            self._rule(f"v_{name}", map(self._pattern, entry.words))
+        for name, words in lexicon.things.items():
+            said = f"word_{name}"
+            self._rule(said, map(self._pattern, words))
+            self._rule(f"t_{name}", [f"article? {said} (<of> noun)?", f"noun WHOSE {said}"])
+        nouns = [word for entry in lexicon.nouns for word in entry.words]
+        self._rule("noun_word", map(self._pattern, nouns))
+        self._keyed("article", lexicon.articles)
+        self._keyed("pronoun", lexicon.pronouns)
+        adjectives = [word for entry in lexicon.adjectives for word in entry.words]
+        self._rule("adjective", map(self._pattern, adjectives))
+        numbers = [word for _, words in lexicon.numbers for word in words]
+        self._rule("number_word", map(self._pattern, numbers))
+        for kind, table in lexicon.units.items():
+            self._counted(f"unit_{kind}", [words for _, words in table])
+        self._rule("day_word", map(self._pattern, lexicon.day))
+        self._rule("clock_word", map(self._pattern, lexicon.clock))
+        self._counted("state", [entry.verb for entry in lexicon.states], "relation")
+        self._counted("relation", [entry.relation for entry in lexicon.states])
+
+    def _keyed(self, name: str, table: Mapping[str, Sequence[str]]) -> None:
+        for key, words in table.items():
+            self._rule(f"{name}_{key}", map(self._pattern, words))
+        self._rule(name, [f"{name}_{key}" for key in table])
+
+    def _counted(self, name: str, entries: Sequence[Sequence[str]], *others: str) -> None:
+        """One rule for each entry that has words, by its number, and one for any of them, or of
+        other rules.
+        """
+        there = [number for number, words in enumerate(entries) if words]
+        for number in there:
+            self._rule(f"{name}_{number}", map(self._pattern, entries[number]))
+        self._rule(name, [*(f"{name}_{number}" for number in there), *others])
+
+    def _pattern(self, text: str) -> str:
+        """A pattern of the lexicon as the right side of a rule."""
+        return " ".join(self._symbol(piece) for piece in text.split())
+
+    def _symbol(self, piece: str) -> str:
+        optional = "?" if piece.endswith("?") else ""
+        piece = piece.removesuffix("?")
+        if piece.startswith("{"):
+            name = piece.strip("{}")
+            return _SYMBOLS.get(name, name) + optional
+        if piece.startswith("$"):
+            prefix = "v_" if piece[1:] in self._lexicon.verbs else "s_"
+            return prefix + piece[1:] + optional
+        words = piece.split("|")
+        if len(words) == 1:
+            return f"<{piece}>{optional}"
+        # A rule of its own: the parser library would multiply out what stands in brackets.
+        if piece not in self._either:
+            self._either[piece] = f"either_{len(self._either)}"
+            self._rule(self._either[piece], [f"<{word}>" for word in words])
+        return self._either[piece] + optional
+
+    # Phrases -----------------------------------------------------------------------------------
+
+    def _write_phrases(self, activities: Iterable[Activity]) -> tuple[tuple[Spoken, ...], ...]:
+        """Rules for what the phrases say after their subject, and what each rule means."""
+        reader = PhraseReader(self._lexicon, dict(self._words))
+        tables: dict[str, dict[str, list[Spoken]]] = {"activity": {}, "whole": {}}
+        for activity in activities:
+            for phrase in activity.phrases:
+                for spoken, rest in reader.read(activity, phrase):
+                    for symbols in reader.ways(rest):
+                        name = "activity" if spoken.has_subject else "whole"
+                        head = "" if spoken.has_subject else f"{symbols[0]} polarity? "
+                        right = head + " ".join(symbols[0 if spoken.has_subject else 1 :])
+                        meant = tables[name].setdefault(right, [])
+                        if spoken not in meant:
+                            meant.append(spoken)
+        found: list[tuple[Spoken, ...]] = []
+        for name, table in tables.items():
+            first = len(found)
+            for number, right in enumerate(table, first):
+                self._rule(f"{name}_{number}", [right])
+            found += [tuple(meant) for meant in table.values()]
+            self._rule(name, [f"{name}_{number}" for number in range(first, len(found))])
+        return tuple(found)
+
+    def _with_tokens(self) -> list[str]:
+        """The rules with tokens for words.
+
+        Words of one rule that stand nowhere else share a token: the parser library tries every
+        alternative at every place, so fewer of them are faster.
+        """
+        forms: dict[str, list[str]] = {}
+        for word in self._words:
+            for base in base_forms(word):
+                if base in self._words:
+                    forms.setdefault(base, []).append(word)
+        self._share_tokens(set(forms) | {word for words in forms.values() for word in words})
+
+        def token(found: re.Match) -> str:
+            name = self._words[found[1]]
+            return f"form_{name.lower()}" if found[1] in forms else name
+
+        rules = [re.sub(r"<([^>]+)>", token, rule) for rule in self._rules]
+        for word, others in forms.items():
+            names = " | ".join(self._words[form] for form in (word, *others))
+            rules.append(f"form_{self._words[word].lower()}: {names}")
+        return [_without_repeats(rule) for rule in rules]
+
+    def _share_tokens(self, besides: Collection[str]) -> None:
+        uses = Counter(word for rule in self._rules for word in re.findall(r"<([^>]+)>", rule))
+        for rule in self._rules:
+            alone = re.findall(r"(?<=[:|] )<([^>]+)>(?= \||$)", rule)
+            shared = [word for word in alone if uses[word] == 1 and word not in besides]
+            for word in shared[1:]:
+                self._words[word] = self._words[shared[0]]
+
+
+def _without_repeats(rule: str) -> str:
+    """A rule whose alternatives are all different; those in brackets are left as they are."""
+    name, right = rule.split(": ", 1)
+    return rule if "(" in right else f"{name}: {' | '.join(dict.fromkeys(right.split(' | ')))}"

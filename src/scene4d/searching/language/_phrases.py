@@ -1,0 +1,159 @@
+"""Phrases of a catalogue: what stands where in them, and all the ways to say the same."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from scene4d.core.errors import InputError
+from scene4d.searching.activities.definition import Activity
+from scene4d.searching.language._lexicon import Lexicon, base_forms
+from scene4d.searching.language._sentences import Slot, Spoken, kind_of
+from scene4d.searching.language._words import Vocabulary, read_words
+
+PEOPLE = "people"
+"""The noun that is a plural by itself."""
+_Piece = str | Slot
+"""A word, a slot, or a place such as ``{zone}``."""
+
+
+@dataclass(frozen=True, eq=False)
+class _OpenVocabulary(Vocabulary):
+    """Words of a phrase that nobody knows yet are taken in their base form."""
+
+    def word(self, surface: str) -> str | None:
+        lower = surface.casefold()
+        return super().word(surface) or next(iter(base_forms(lower)), lower)
+
+
+class PhraseReader:
+    """Reads phrases with the words of a lexicon."""
+
+    def __init__(self, lexicon: Lexicon, words: Mapping[str, str]) -> None:
+        self._lexicon = lexicon
+        self._vocabulary = _OpenVocabulary(words, lexicon)
+        self._adjectives = {word: entry for entry in lexicon.adjectives for word in entry.words}
+        articles = {word for words in lexicon.articles.values() for word in words}
+        self._silent = articles | set(lexicon.sets["auxiliary"]) | {"be", "do", "have"}
+
+    def read(self, activity: Activity, phrase: str) -> Iterator[tuple[Spoken, list[_Piece]]]:
+        """What the phrase says, with its words after the subject.
+
+        A phrase in the passive is also said with "by" and whoever does it. Raises
+        :class:`InputError` for a phrase without a verb, and for one that speaks of somebody for
+        whom the activity has no role.
+        """
+        passive, pieces = self._pieces(phrase)
+        said = [pieces]
+        if passive and isinstance(pieces[0], Slot):
+            doer = kind_of(activity.roles[0])
+            said.append([*pieces, "by", Slot(doer)])
+        for words in said:
+            slots = tuple(piece for piece in words if isinstance(piece, Slot))
+            has_subject = isinstance(words[0], Slot)
+            rest = words[1:] if has_subject else words
+            if not any(isinstance(piece, str) and piece[0] != "{" for piece in rest):
+                raise InputError(f'activity {activity.name!r}: the phrase "{phrase}" has no verb')
+            roles = _roles_of(activity, phrase, slots)
+            yield Spoken(activity, slots, roles, has_subject), rest
+
+    def _pieces(self, phrase: str) -> tuple[bool, list[_Piece]]:
+        """Words and slots; articles and auxiliaries say nothing and are left out."""
+        pieces: list[_Piece] = []
+        adjectives: list[str] = []
+        pair = passive = False
+        words = [word.value for word in read_words(phrase, self._vocabulary)]
+        for word, following in zip(words, [*words[1:], ""], strict=True):
+            entry = self._lexicon.noun(word)
+            if entry is not None:
+                pieces.append(Slot(entry.kind, tuple(adjectives), pair, word == PEOPLE))
+                adjectives, pair = [], False
+            elif word == "two" and self._lexicon.noun(following):
+                pair = True
+            elif word in self._adjectives and self._lexicon.noun(following):
+                adjectives.append(self._adjectives[word].predicate)
+            elif word in ("zone", "line"):
+                pieces.append("{" + word + "}")
+            elif word in self._silent:
+                passive |= word in ("is", "be")
+            else:
+                pieces.append(word)
+        if not pieces:
+            raise InputError(f'the phrase "{phrase}" says nothing')
+        return passive, pieces
+
+    def ways(self, rest: Sequence[_Piece]) -> Iterator[tuple[str, ...]]:
+        """All ways to say these words, as symbols of the grammar; a plain word is ``<word>``."""
+        if not rest:
+            yield ()
+            return
+        first = rest[0]
+        if isinstance(first, Slot) or first.startswith("{"):
+            name = "noun" if isinstance(first, Slot) else first.strip("{}")
+            yield from ((name, *tail) for tail in self.ways(rest[1:]))
+            return
+        sets = self._sets_at(tuple(rest))
+        for name, length in sets:
+            for tail in self.ways(rest[length:]):
+                yield (name, *tail)
+                yield from self._separated(name, tail)
+        if not sets:
+            yield from ((f"<{first}>", *tail) for tail in self.ways(rest[1:]))
+
+    def _separated(self, name: str, tail: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+        """ "picks up person" as "picks person up"."""
+        if not tail or not tail[0].startswith(("noun", "t_")):
+            return
+        entry = self._lexicon.verbs.get(name.removeprefix("v_"))
+        for words in entry.words if entry else ():
+            if words in self._lexicon.separable:
+                verb, particle = words.split()
+                yield (f"<{verb}>", tail[0], f"<{particle}>", *tail[1:])
+
+    def _sets_at(self, rest: tuple[_Piece, ...]) -> list[tuple[str, int]]:
+        """Sets of synonyms that begin here, with how many words they take: the longest only."""
+        found: dict[tuple[str, int], None] = {}
+        sets = [(f"v_{name}", s.words, s.before) for name, s in self._lexicon.verbs.items()]
+        sets += [(f"t_{name}", words, ()) for name, words in self._lexicon.things.items()]
+        for name, patterns, before in sets:
+            for words in (tuple(w) for pattern in patterns for w in spelled(pattern)):
+                if rest[: len(words)] == words and self._fits(rest[len(words) :], before):
+                    found[name, len(words)] = None
+        longest = max((length for _, length in found), default=0)
+        return [item for item in found if item[1] == longest]
+
+    def _fits(self, rest: tuple[_Piece, ...], before: Sequence[str]) -> bool:
+        if not before:
+            return True
+        if not rest:
+            return False
+        first = rest[0]
+        if isinstance(first, Slot):
+            return first.kind in before
+        return any(first in self._lexicon.things.get(name, ()) for name in before)
+
+
+def spelled(pattern: str) -> Iterator[list[str]]:
+    """All ways to spell a pattern that has no slots."""
+    choices = [
+        [*piece.removesuffix("?").split("|"), *([""] if piece.endswith("?") else [])]
+        for piece in pattern.split()
+    ]
+    for words in product(*choices):
+        yield [word for word in words if word]
+
+
+def _roles_of(activity: Activity, phrase: str, slots: Sequence[Slot]) -> tuple[str, ...]:
+    """The roles that the slots fill: for each kind in their order, a pair fills two."""
+    free = list(activity.roles)
+    found: list[str] = []
+    for slot in slots:
+        for _ in range(2 if slot.pair else 1):
+            role = next((role for role in free if kind_of(role) == slot.kind), None)
+            if role is None:
+                raise InputError(
+                    f'activity {activity.name!r}: the phrase "{phrase}" speaks of more of the kind '
+                    f"{slot.kind!r} than it has roles"
+                )
+            free.remove(role)
+            found.append(role.name)
+    return tuple(found)

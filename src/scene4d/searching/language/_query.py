@@ -1,0 +1,247 @@
+"""A search in words as an activity, and what was understood of it in lines to read."""
+
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+from lark import Tree
+from lark.exceptions import UnexpectedEOF, UnexpectedInput, UnexpectedToken
+
+from scene4d.core.errors import InputError
+from scene4d.searching.activities._checking import check_activity
+from scene4d.searching.activities._terms import term_text
+from scene4d.searching.activities.definition import Activity, Phase
+from scene4d.searching.language._composing import compose
+from scene4d.searching.language._discourse import Discourse
+from scene4d.searching.language._grammar import Grammar, build_grammar
+from scene4d.searching.language._lexicon import Lexicon
+from scene4d.searching.language._reading import read_tree
+from scene4d.searching.language._saying import Piece
+from scene4d.searching.language._sentences import Clock, options_of
+from scene4d.searching.language._words import Word, read_words, refuse
+from scene4d.searching.predicates._registry import PREDICATES
+
+_MOST_EXPECTED = 12
+"""Longer lists of what could be said instead are cut off."""
+_DAY_S = 86400.0
+
+
+@dataclass(frozen=True)
+class Window:
+    """A time of every day, seconds from midnight on the footage's own clock: from ``begin_s`` up
+    to ``end_s``, over midnight where the end is not after the beginning.
+    """
+
+    begin_s: float
+    end_s: float
+
+    def contains(self, second_of_day: float) -> bool:
+        """Whether a time of day lies in it."""
+        second = second_of_day % _DAY_S
+        if self.begin_s < self.end_s:
+            return self.begin_s <= second < self.end_s
+        return second >= self.begin_s or second < self.end_s
+
+    def __str__(self) -> str:
+        return f"{_written(self.begin_s)} to {_written(self.end_s)}"
+
+
+def _written(seconds: float) -> str:
+    minutes, second = divmod(round(seconds), 60)
+    hour, minute = divmod(minutes, 60)
+    return f"{hour:02d}:{minute:02d}" + (f":{second:02d}" if second else "")
+
+
+@dataclass(frozen=True)
+class Query:
+    """A search: its ``text``, the ``activity`` to look for, its ``predicates`` as lines such as
+    ``near(person, vehicle)``, in their order, the time of day (``window``; None for any), and what
+    the reader must know of how it was understood (``notes``).
+    """
+
+    text: str
+    activity: Activity
+    predicates: list[str]
+    window: Window | None
+    notes: list[str]
+
+
+def parse_query(
+    text: str,
+    catalogue: Mapping[str, Activity],
+    zones: Sequence[str] = (),
+    lines: Sequence[str] = (),
+) -> Query:
+    """What a search in controlled English asks for; docs/search-language.md describes it.
+
+    ``catalogue`` are the activities that may be asked for by their phrases, ``zones`` and
+    ``lines`` the names of places. Raises :class:`InputError` for what is not understood, with the
+    position (characters from 1) and, for a word, the nearest known ones; also for numbers that
+    cannot be, and for somebody or a place that is not there.
+    """
+    grammar = build_grammar(catalogue.values())
+    words = read_words(text, grammar.vocabulary(tuple(zones), tuple(lines)))
+    read, notes = read_tree(_parse(text, words, grammar), text, grammar)
+    sentences = options_of(read)
+    sentence = sentences[0]
+    if len(sentences) > 1:
+        notes.append("the time of day could be read in several ways")
+    discourse = Discourse(text, grammar.lexicon)
+    piece = compose(sentence.order, discourse)
+    activity = _activity(piece, discourse, text, catalogue)
+    check_activity(activity, PREDICATES)
+    window = _window_of(sentence.clocks, discourse, notes)
+    terms = [term_text(term) for phase in activity.phases for term in phase.terms]
+    notes = [*discourse.notes, *_word_notes(words, activity, grammar), *notes]
+    return Query(text, activity, terms, window, notes)
+
+
+def explain(activity: Activity, window: Window | None, notes: Sequence[str]) -> list[str]:
+    """The decomposition as text: who, the phases with their durations and terms, when, notes."""
+    lines = [f"{role.name}: {' or '.join(role.classes)}" for role in activity.roles]
+    for number, phase in enumerate(activity.phases, 1):
+        lines.append(f"{number}. {phase.name}{_lasting(phase)}{_pause(phase, number)}")
+        lines += [f"   {term_text(term)}" for term in phase.terms]
+    lines += [f"{r.first} {r.relation} {r.second}" for r in activity.relations]
+    if window is not None:
+        lines.append(f"time of day: {window}")
+    return [*lines, *(f"note: {note}" for note in notes)]
+
+
+def _lasting(phase: Phase) -> str:
+    if math.isinf(phase.max_s):
+        return f", at least {phase.min_s:g} s" if phase.min_s else ""
+    return f", {phase.min_s:g} to {phase.max_s:g} s"
+
+
+def _pause(phase: Phase, number: int) -> str:
+    return f", at most {phase.gap_s:g} s later" if number > 1 and phase.gap_s else ""
+
+
+def _activity(
+    piece: Piece, discourse: Discourse, text: str, catalogue: Mapping[str, Activity]
+) -> Activity:
+    """The catalogue's own where it was asked for alone, else one named as it was said."""
+    used = {role for phase in piece.phases for term in phase.terms for role in term.roles}
+    roles = tuple(role for role in discourse.roles() if role.name in used)
+    known = catalogue.get(piece.name)
+    if known is not None:
+        return replace(known, roles=roles, phases=piece.phases, relations=piece.relations)
+    return Activity(" ".join(text.split()), roles, piece.phases, piece.relations)
+
+
+def _word_notes(words: Sequence[Word], activity: Activity, grammar: Grammar) -> list[str]:
+    """Notes on words that are taken for less than they say."""
+    moves = any(t.predicate == "moving" for phase in activity.phases for t in phase.terms)
+    table = grammar.lexicon.notes if moves else {}
+    return [
+        table[form].format(word=word.surface)
+        for form in table
+        for word in words
+        if word.kind == "word" and form == word.value
+    ]
+
+
+def _window_of(clocks: Sequence[Clock], discourse: Discourse, notes: list[str]) -> Window | None:
+    """The one time of day that a search asks for.
+
+    Raises :class:`InputError` where two are said, or one that holds no time.
+    """
+    if not clocks:
+        return None
+    if len(clocks) > 1:
+        raise discourse.refuse(clocks[1].span, "a second time of day; one search asks for one")
+    clock, said = clocks[0], discourse.said(clocks[0].span)
+    if clock.at is not None:
+        at_s = discourse.assumed("at_s")
+        window = Window((clock.at - at_s) % _DAY_S, (clock.at + at_s) % _DAY_S)
+        notes.append(f'"{said}" is taken as {window}')
+    else:
+        begin = 0.0 if clock.begin is None else clock.begin
+        end = _DAY_S if clock.end is None else clock.end
+        if begin == end:
+            raise discourse.refuse(clock.span, f'"{said}" holds no time')
+        window = Window(begin % _DAY_S, end)
+    if window.begin_s >= window.end_s:
+        notes.append(f"the time of day {window} goes over midnight")
+    return window
+
+
+# What is not understood --------------------------------------------------------------------------
+
+
+def _parse(text: str, words: Sequence[Word], grammar: Grammar) -> Tree:
+    try:
+        return grammar.parser.parse(grammar.tokens(words))
+    except UnexpectedToken as error:
+        raise _unexpected(text, error, words, grammar) from None
+    except UnexpectedEOF as error:
+        last = words[-1]
+        if last.kind == "number":
+            raise _no_unit(text, last) from None
+        known = _spoken(error.expected, grammar)
+        raise refuse(text, last.end, f'it ends too early after "{last.surface}"; {known}') from None
+    except UnexpectedInput as error:
+        raise InputError(f'search "{text}": it is not understood: {error}') from None
+
+
+def _unexpected(
+    text: str, error: UnexpectedToken, words: Sequence[Word], grammar: Grammar
+) -> InputError:
+    start = error.token.start_pos or 0
+    word = next((word for word in words if word.start == start), words[-1])
+    before = [other for other in words if other.end <= start]
+    units = _kinds(grammar.lexicon)["a unit"]
+    if before and before[-1].kind == "number" and word.value not in units:
+        return _no_unit(text, before[-1])
+    after = f' after "{before[-1].surface}"' if before else " at the beginning"
+    known = _spoken(error.expected, grammar)
+    return refuse(text, start, f'"{word.surface}" is not understood{after}; {known}')
+
+
+def _no_unit(text: str, number: Word) -> InputError:
+    return refuse(text, number.start, f'"{number.surface}" needs a unit, such as m, s or km/h')
+
+
+def _spoken(expected: Collection[str], grammar: Grammar) -> str:
+    """What could stand there instead: kinds of words, and the words that are of none."""
+    there = {word for word, token in grammar.terminals.items() if token in expected}
+    said: list[str] = []
+    for kind, words in _kinds(grammar.lexicon).items():
+        if there & words:
+            said.append(kind)
+            there -= words
+    named = {"NUMBER": "a number", "CLOCK": "a time of day", "ZONE": "a zone", "LINE": "a line"}
+    said += [what for name, what in named.items() if name in expected and what not in said]
+    said += [f'"{word}"' for word in sorted(there)]
+    if not said:
+        return "nothing more was expected"
+    more = ", ..." if len(said) > _MOST_EXPECTED else ""
+    return f"expected: {', '.join(said[:_MOST_EXPECTED])}{more}"
+
+
+@lru_cache(maxsize=1)
+def _kinds(lexicon: Lexicon) -> dict[str, frozenset[str]]:
+    """Words by what they are called to a reader."""
+
+    def first(patterns: Iterable[str]) -> frozenset[str]:
+        return frozenset(p.split()[0] for p in patterns if p[0] not in "{$")
+
+    nouns = [*(w for e in lexicon.nouns for w in e.words), *_flat(lexicon.articles)]
+    nouns += [*_flat(lexicon.pronouns), *(w for e in lexicon.adjectives for w in e.words)]
+    verbs = [w for e in lexicon.verbs.values() for w in e.words]
+    verbs += [w for e in lexicon.states for w in e.verb] + list(lexicon.sets["auxiliary"])
+    relations = [w for e in lexicon.states for w in e.relation]
+    units = [w for table in lexicon.units.values() for _, words in table for w in words]
+    return {
+        "a person or vehicle": frozenset(nouns),
+        'what they do (such as "enters", "is near")': first(verbs) | {"be"},
+        'where (such as "near", "in zone")': first(relations),
+        "a unit": first(units),
+        "a number": first(w for _, words in lexicon.numbers for w in words),
+    }
+
+
+def _flat(table: Mapping[str, tuple[str, ...]]) -> list[str]:
+    return [word for words in table.values() for word in words]

@@ -1,0 +1,156 @@
+"""The footage of events: where it is, and clips cut out of it around those who take part."""
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from scene4d.core.calibration import Calibration
+from scene4d.core.errors import InputError
+from scene4d.searching.pages._clip import Clip, Crop, crop_region, cut_out
+from scene4d.searching.result import FoundEvent, SearchResult
+from scene4d.store.runs import Run
+
+if TYPE_CHECKING:
+    from scene4d.video.frames import Source
+
+_CLIP_HZ = 10.0
+"""Pictures per second of a clip: enough to see who does what, a third of the bytes of video."""
+_MOST_PICTURES = 100
+"""Longer events are shown faster than they were: ten seconds of clip are watched to the end."""
+_LEAD_S = 1.0
+"""A clip begins this long before its event, and ends as long after it."""
+_ANNOTATIONS = (".geom.yml", ".types.yml", ".yml", ".yaml", ".xml", ".txt", ".json", ".csv")
+_REMEDY = "Search again with footage, the file or the folder where it is now."
+
+
+@dataclass(frozen=True)
+class NoFootage:
+    """Why there are no pictures and where they can come from, in words for the page."""
+
+    reason: str
+
+
+def clips_of(result: SearchResult) -> list[Clip | NoFootage]:
+    """For each event that is shown a clip, or why there is none; videos are read once each."""
+    clips: dict[int, Clip | NoFootage] = {}
+    by_run: dict[str, list[int]] = {}
+    for number, found in enumerate(result.shown):
+        by_run.setdefault(found.run.run, []).append(number)
+    footage = result.asked.options.footage
+    given = None if footage is None else Path(footage)
+    for numbers in by_run.values():
+        events = [result.shown[number] for number in numbers]
+        run = events[0].run
+        place = footage_of(run, given, alone=len(result.runs) == 1)
+        if isinstance(place, NoFootage):
+            clips |= dict.fromkeys(numbers, place)
+        else:
+            size = Calibration.load(result.asked.scene.camera_file(run.camera)).image_size
+            clips |= zip(numbers, _cut(place, events, size), strict=True)
+    return [clips[number] for number in range(len(result.shown))]
+
+
+def footage_of(run: Run, given: Path | None, *, alone: bool) -> Path | NoFootage:
+    """The video that a run was made of, or of which its annotations were.
+
+    ``given`` is a file or folder in which to look instead of where it was tracked. A folder is
+    searched for a file of the same name, and of annotations for one whose name begins like theirs.
+    A file is taken if its name fits, or if no other run was searched (``alone``).
+    """
+    footage, annotations = (run.provenance.get(key) for key in ("source", "annotations"))
+    source = footage or annotations
+    if alone and given is not None and given.is_file():
+        return given
+    if not isinstance(source, str):
+        return NoFootage("The scene does not say what footage it was made of.")
+    name = PurePath(source).name
+    if given is not None:
+        return _in(given, name, annotated=footage is None)
+    if footage is None:
+        return NoFootage(f"Only the annotations {name} were tracked. {_REMEDY}")
+    if "://" in source:
+        return NoFootage("A stream was tracked, which is not recorded.")
+    path = Path(source)
+    return path if path.exists() else NoFootage(f"The footage is no longer at {source}. {_REMEDY}")
+
+
+def _in(given: Path, name: str, *, annotated: bool) -> Path | NoFootage:
+    """The footage called ``name``, or beginning like that of these annotations."""
+    ending = next((end for end in _ANNOTATIONS if name.endswith(end)), PurePath(name).suffix)
+    stem = name.removesuffix(ending)
+    if given.is_file():
+        if given.name == name or given.stem.startswith(stem):
+            return given
+        return NoFootage(f"{given.name} is not the footage of this clip, {name}.")
+    if not annotated and (given / name).exists():
+        return given / name
+    for path in sorted(given.iterdir()):
+        if path.name.startswith(stem) and not path.name.endswith(_ANNOTATIONS):
+            return path
+    return NoFootage(f"{given} holds no footage named like {name}.")
+
+
+def _cut(
+    place: Path, events: Sequence[FoundEvent], image_size: tuple[int, int]
+) -> list[Clip | NoFootage]:
+    """The clips of one video's events, in one go through it."""
+    from scene4d.video.reader import open_source
+
+    with ExitStack() as opened:
+        try:
+            source = opened.enter_context(open_source(place))
+            if source.image_size != image_size:
+                (w, h), (cw, ch) = source.image_size, image_size
+                raise InputError(f"{place.name} is {w}x{h}, but the camera was {cw}x{ch}")
+            return _clips(source, events)
+        except InputError as error:
+            return [NoFootage(f"The footage cannot be shown: {error}.")] * len(events)
+
+
+def _clips(source: "Source", events: Sequence[FoundEvent]) -> list[Clip | NoFootage]:
+    fps = source.fps or _CLIP_HZ
+    wanted = [_frames(found, fps, source.frame_count or 0) for found in events]
+    regions = [crop_region(found.around, found.event, source.image_size) for found in events]
+    crops: list[list[Crop]] = [[] for _ in events]
+    every = np.unique(np.concatenate(wanted))
+    for frame in source.frames(every.tolist()) if len(every) else ():
+        for number, found in enumerate(events):
+            region = regions[number]
+            if region is not None and frame.index in wanted[number]:
+                picture = cut_out(frame.image_bgr, region, _boxes(found, frame.index))
+                crops[number].append(Crop((frame.index - found.begin_frame) / fps, picture))
+    return [_clip(part, frames, fps) for part, frames in zip(crops, wanted, strict=True)]
+
+
+def _frames(found: FoundEvent, fps: float, count: int) -> Int[np.ndarray, "k"]:
+    """The pictures of a clip: evenly, and at most :data:`_MOST_PICTURES`."""
+    lead = round(_LEAD_S * fps)
+    first, last = max(0, found.begin_frame - lead), min(count - 1, found.end_frame + lead)
+    step = max(1, round(fps / _CLIP_HZ), -(-(last - first + 1) // _MOST_PICTURES))
+    return np.arange(first, last + 1, step)
+
+
+def _clip(crops: list[Crop], frames: Int[np.ndarray, "k"], fps: float) -> Clip | NoFootage:
+    if not crops:
+        return NoFootage("The footage does not hold the frames of this event.")
+    step = int(frames[1] - frames[0]) if len(frames) > 1 else 1
+    rate = min(fps, _CLIP_HZ)
+    return Clip(tuple(crops), rate, round(step / fps * rate, 1))
+
+
+def _boxes(found: FoundEvent, frame: int) -> dict[str, Float[np.ndarray, "4"] | None]:
+    """Where each role is at a frame, interpolated between the rows that were searched."""
+    assert found.around is not None
+    boxes: dict[str, Float[np.ndarray, 4] | None] = {}
+    for role, number in found.event.roles.items():
+        rows = found.around.select(found.around.track == number)
+        rows = rows.select(np.isfinite(rows.box_xyxy[:, 0]))
+        here = len(rows) and rows.frame[0] <= frame <= rows.frame[-1]
+        sides = [np.interp(frame, rows.frame, side) for side in rows.box_xyxy.T] if here else None
+        boxes[role] = None if sides is None else np.array(sides)
+    return boxes

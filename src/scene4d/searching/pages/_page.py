@@ -1,0 +1,112 @@
+"""The page of a search: what was understood, and a card for each event; all events beside it."""
+
+import base64
+import json
+from importlib.metadata import version
+from pathlib import Path
+
+from scene4d.core.files import write_bytes
+from scene4d.core.progress import Progress, timed
+from scene4d.core.staging import staged
+from scene4d.searching.language import explain
+from scene4d.searching.pages._clip import Clip, jpeg, mp4, stills
+from scene4d.searching.pages._footage import NoFootage, clips_of
+from scene4d.searching.pages._plan import plan_svg, role_colours
+from scene4d.searching.result import SEARCH_SCHEMA, FoundEvent, SearchResult, why_groups
+
+_PAGE, _EVENTS = "search.html", "events.json"
+_STILL_PX = 150
+
+
+def write_page(result: SearchResult, out: Path, progress: Progress, command: str | None) -> Path:
+    """Write the page and ``events.json`` into a folder; see :meth:`SearchResult.save`."""
+    with timed(result.timings, "pictures"), progress.stage("Cutting out clips", None):
+        clips = clips_of(result)
+    with timed(result.timings, "page"), progress.stage("Writing the page", None):
+        html = search_html(result, clips, command)
+        out.mkdir(parents=True, exist_ok=True)
+        with staged(out, [_EVENTS], _PAGE) as folder:
+            write_bytes(folder / _EVENTS, _events_json(result).encode())
+            write_bytes(folder / _PAGE, html.encode())
+    return out / _PAGE
+
+
+def _events_json(result: SearchResult) -> str:
+    """What ``--json`` prints of the search: every event, and what it was understood as."""
+    head: dict[str, object] = {"schema": SEARCH_SCHEMA, "version": version("scene4d")}
+    head |= {"warnings": list(result.asked.notes), "error": None}
+    return json.dumps(head | result.to_dict(), indent=1, allow_nan=False) + "\n"
+
+
+def search_html(result: SearchResult, clips: list[Clip | NoFootage], command: str | None) -> str:
+    """One HTML page with everything inside it; ``clips`` belong to the events that are shown."""
+    from scene4d.drawing.page import rendered, seconds_text
+
+    query = result.asked.query
+    fewer = len(result.shown) < len(result.events)
+    cards = zip(result.shown, clips, strict=True)
+    return rendered(
+        "scene4d.searching.pages",
+        "search.html.j2",
+        {
+            "words": query.text,
+            "understood": explain(query.activity, query.window, ()),
+            "verdict": result.verdict
+            + (f" The {len(result.shown)} best are shown." if fewer else ""),
+            "notes": result.asked.notes,
+            "cards": [_card(n, result, found, clip) for n, (found, clip) in enumerate(cards, 1)],
+            "provenance": _provenance(result, command),
+            "timings": [(name, seconds_text(s)) for name, s in result.timings.items()],
+        },
+    )
+
+
+def _provenance(result: SearchResult, command: str | None) -> list[tuple[str, str]]:
+    there = sum(run.rows > 0 for run in result.asked.scene.runs)
+    rows = [
+        ("Clips searched", f"{len(result.runs)} of {there}"),
+        ("Cameras", ", ".join(sorted({run.camera for run in result.runs})) or "none"),
+        ("Rows searched", f"{result.rows:,}"),
+        ("Least score", f"{result.least_score:g}"),
+        ("All events", _EVENTS),
+        ("scene4d", version("scene4d")),
+    ]
+    return rows if command is None else [*rows, ("Command", command)]
+
+
+def _card(
+    number: int, result: SearchResult, found: FoundEvent, clip: Clip | NoFootage
+) -> dict[str, object]:
+    colours = role_colours(found.event.roles)
+    return {
+        **found.to_dict(),
+        "number": number,
+        "when": found.when,
+        "mean": found.event.mean_score,
+        "players": [(role, track, colours[role]) for role, track in found.event.roles.items()],
+        "plan": plan_svg(found, result.asked.places),
+        "why": why_groups(found.event.why),
+        **_pictures(clip),
+    }
+
+
+def _pictures(clip: Clip | NoFootage) -> dict[str, object]:
+    if isinstance(clip, NoFootage):
+        return {"stills": [], "missing": clip.reason}
+    video = mp4(clip.crops, clip.rate_hz)
+    height, width = clip.crops[0].image_bgr.shape[:2]
+    middle = clip.crops[len(clip.crops) // 2]
+    return {
+        "video": None if video is None else _uri("video/mp4", video),
+        "size": (width, height),
+        "poster": _uri("image/jpeg", jpeg(middle, width)),
+        "stills": [
+            (_uri("image/jpeg", jpeg(crop, _STILL_PX)), f"{crop.time_s:+.1f} s")
+            for crop in stills(clip)
+        ],
+        "faster": f"{clip.faster:g} times as fast as it was" if clip.faster > 1.05 else "",
+    }
+
+
+def _uri(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"

@@ -1,0 +1,64 @@
+"""How fast something moves, from its smoothed velocity and the covariance of that."""
+
+import numpy as np
+from jaxtyping import Float
+
+from scene4d.searching.predicates._gaussian import above, form
+from scene4d.searching.predicates.stage import StageRows
+
+MOVING_MPS = 0.5
+"""What moves slower than this stands: people sway, boxes jitter. Chosen by hand."""
+SPEED_SIGMA_MPS = 0.2
+"""Softness of words of speed; chosen by hand."""
+
+
+def speed(
+    velocity_mps: Float[np.ndarray, "m 2"], covariance: Float[np.ndarray, "m 2 2"]
+) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m"]]:
+    """Mean and variance of the length of a Gaussian velocity, m/s and m²/s².
+
+    The length of a vector known to ±1 m/s is about 1.25 m/s even where its mean is zero. The
+    square ``q = |v|²`` has mean ``Q = |v|² + tr C`` and variance ``V = 2 tr C² + 4 vᵀ C v``; to
+    second order its root has mean ``√Q (1 - V / 8Q²)`` and mean square Q. P(speed) from these is
+    off by 0.02 where the errors are round, by up to 0.13 where the velocity is uncertain along one
+    line only and by more than its own size.
+    """
+    square = (velocity_mps**2).sum(axis=1) + covariance[:, 0, 0] + covariance[:, 1, 1]
+    variance = 2 * (covariance**2).sum(axis=(1, 2)) + 4 * form(velocity_mps, covariance)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(square < 1e-12, 0.0, variance / (8 * square**2))
+    mean = np.sqrt(square) * (1 - share)
+    return mean, np.maximum(square - mean**2, 0.0)
+
+
+def speed_above(
+    a: StageRows, *, speed_mps: float = 2.5, sigma_mps: float = SPEED_SIGMA_MPS
+) -> Float[np.ndarray, "m"]:
+    """P(a is faster than ``speed_mps``), m/s.
+
+    ``Φ((μ - s) / √(σ² + ν))`` with mean μ and variance ν of the length of the velocity
+    (:func:`speed`). The default divides walking from running. NaN without a velocity.
+    """
+    mean, variance = speed(a.velocity_mps, a.velocity_covariance)
+    return above(mean, speed_mps, sigma_mps, variance)
+
+
+def speed_below(
+    a: StageRows, *, speed_mps: float = 2.5, sigma_mps: float = SPEED_SIGMA_MPS
+) -> Float[np.ndarray, "m"]:
+    """P(a is slower than ``speed_mps``), m/s: the rest to :func:`speed_above`."""
+    return 1 - speed_above(a, speed_mps=speed_mps, sigma_mps=sigma_mps)
+
+
+def moving(
+    a: StageRows, *, speed_mps: float = MOVING_MPS, sigma_mps: float = SPEED_SIGMA_MPS
+) -> Float[np.ndarray, "m"]:
+    """P(a moves): :func:`speed_above` of 0.5 m/s."""
+    return speed_above(a, speed_mps=speed_mps, sigma_mps=sigma_mps)
+
+
+def stationary(
+    a: StageRows, *, speed_mps: float = MOVING_MPS, sigma_mps: float = SPEED_SIGMA_MPS
+) -> Float[np.ndarray, "m"]:
+    """P(a stands): the rest to :func:`moving` with the same speed."""
+    return 1 - moving(a, speed_mps=speed_mps, sigma_mps=sigma_mps)

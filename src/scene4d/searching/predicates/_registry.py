@@ -1,0 +1,128 @@
+"""All predicates by name, with their parameters: what activities and words refer to."""
+
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+
+from scene4d.searching.predicates._body import arm_moving_down, arm_moving_up
+from scene4d.searching.predicates._crowd import crowded
+from scene4d.searching.predicates._distance import far, near, same_place
+from scene4d.searching.predicates._motion import moving, speed_above, speed_below, stationary
+from scene4d.searching.predicates._posture import stooping
+from scene4d.searching.predicates._relation import facing, following, moving_away, moving_towards
+from scene4d.searching.predicates._turning import reversing, turning_left, turning_right, u_turning
+from scene4d.searching.predicates._visibility import (
+    appears,
+    appears_from,
+    disappears,
+    disappears_into,
+)
+from scene4d.searching.predicates._zones import crosses, inside
+
+_Function = Callable[..., np.ndarray]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number in ``unit`` ("m", "s", "m/s", "rad", "" for a share or a count) from ``low`` to
+    ``high``, or the name of a "zone", a "line", or a "side" of a vehicle. ``default`` is None where
+    it must be given (zones, lines) or may be left out (sides).
+    """
+
+    name: str
+    default: float | str | None
+    unit: str
+    low: float = 0.0
+    high: float = float("inf")
+
+    @property
+    def required(self) -> bool:
+        """Whether there is no predicate without it."""
+        return self.unit in ("zone", "line")
+
+
+@dataclass(frozen=True)
+class Predicate:
+    """``function(a, **parameters)`` or ``function(a, b, **parameters)`` of :class:`StageRows`: a
+    probability per row, NaN where it cannot be judged.
+
+    ``keypoints`` says that it looks at the body's keypoints, which are read from a scene only where
+    a predicate needs them. ``holds`` says where a predicate of two roles may hold: "within" the
+    distance ``tau_m`` (± ``sigma_m``), or "beyond" it, or None for any distance. In a ``symmetric``
+    one the roles may be swapped.
+    """
+
+    name: str
+    arity: int
+    parameters: Mapping[str, Parameter]
+    function: _Function
+    keypoints: bool = False
+    holds: Literal["within", "beyond"] | None = None
+    symmetric: bool = False
+
+
+_RANGES: dict[str, tuple[str, float, float]] = {
+    "tau_m": ("m", 0.0, 1e4),
+    "sigma_m": ("m", 0.01, 1e3),
+    "radius_m": ("m", 0.1, 1e3),
+    "speed_mps": ("m/s", 0.0, 100.0),
+    "sigma_mps": ("m/s", 0.01, 50.0),
+    "angle_rad": ("rad", 0.0, np.pi),
+    "sigma_rad": ("rad", 0.001, np.pi),
+    "window_s": ("s", 0.05, 600.0),
+    "sigma_s": ("s", 0.01, 600.0),
+    "share": ("", 0.0, 1.0),
+    "count": ("", 2.0, 1e3),
+    "zone": ("zone", 0.0, np.inf),
+    "line": ("line", 0.0, np.inf),
+    "side": ("side", 0.0, np.inf),
+}
+"""Unit and range of a parameter follow from its name. Ranges only keep out what cannot be meant."""
+
+
+def _predicate(function: _Function, **facts: Any) -> Predicate:
+    """A predicate with the parameters of its function's signature."""
+    signature = inspect.signature(function).parameters.values()
+    arity = sum(p.kind is p.POSITIONAL_OR_KEYWORD for p in signature)
+    parameters = {}
+    for p in signature:
+        if p.kind is p.KEYWORD_ONLY:
+            unit, low, high = _RANGES[p.name]
+            default = None if p.default is p.empty else p.default
+            parameters[p.name] = Parameter(p.name, default, unit, low, high)
+    return Predicate(function.__name__, arity, MappingProxyType(parameters), function, **facts)
+
+
+_ALL = (
+    _predicate(near, holds="within", symmetric=True),
+    _predicate(far, holds="beyond", symmetric=True),
+    _predicate(same_place, holds="within", symmetric=True),
+    _predicate(moving),
+    _predicate(stationary),
+    _predicate(speed_above),
+    _predicate(speed_below),
+    _predicate(moving_towards),
+    _predicate(moving_away),
+    _predicate(following, holds="within"),
+    _predicate(facing),
+    _predicate(turning_left),
+    _predicate(turning_right),
+    _predicate(u_turning),
+    _predicate(reversing),
+    _predicate(appears),
+    _predicate(appears_from),
+    _predicate(disappears),
+    _predicate(disappears_into),
+    _predicate(inside),
+    _predicate(crosses),
+    _predicate(stooping),
+    _predicate(crowded),
+    _predicate(arm_moving_up, keypoints=True),
+    _predicate(arm_moving_down, keypoints=True),
+)
+PREDICATES: Mapping[str, Predicate] = MappingProxyType({one.name: one for one in _ALL})
+"""Every predicate that activities may use."""

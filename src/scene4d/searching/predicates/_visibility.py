@@ -1,0 +1,243 @@
+"""Who comes into view and who is gone, when neither the picture's border nor an obstacle says why.
+
+An end of a track proves little by itself: people walk out of the picture, or behind something.
+What is judged of each end is the last (or first) box that was seen, and where its motion in the
+picture would have carried it half a second later (or earlier):
+
+- *border*: how far the sides of both boxes keep from the sides of the picture, in units of the
+  box's size ``√(w h)``: ``Φ((margin - 0.1) / 0.05)``;
+- *hidden*: for every other object in view then, the share of either box that its box covers,
+  ``Φ((share - 0.5) / 0.15)``, times the probability that it stands before a, that is lower in the
+  picture: ``Φ((bottom - bottom_a) / (0.05 h_a))``;
+- *clip*: an end within about half a second of the stage's own is none:
+  ``1 - exp(-½ (gap / ½ s)²)``;
+- *leaving*, where it is asked what a went into: things at the picture's border are entered too. Who
+  goes through the border moves outwards, by more than 0.15 ± 0.05 of the box's size in the half
+  second; who does not is not explained by it;
+- *within*, where it is asked what a went into: the share of the last box that b's box covers then,
+  ``Φ((share - 0.7) / 0.15)``. What is inside a thing is seen inside its outline, from anywhere.
+
+They rest on pixels alone, and so on no calibration. Constants are rules of thumb, chosen by hand
+before any footage was searched; those of *leaving* and *within* were chosen on the tuning cameras
+(MEVA G341 and G424).
+"""
+
+from dataclasses import dataclass
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.special import ndtr
+
+from scene4d.core.body import BORDER_PX
+from scene4d.searching.predicates._meeting import expand
+from scene4d.searching.predicates.stage import Stage, StageRows
+
+# Means and softness of the factors above: times in seconds, lengths as shares of a box's size.
+_END_SIGMA_S = 1.0
+_LOOK_S = 0.5
+_BORDER_SHARE, _BORDER_SIGMA = 0.1, 0.05
+_LEAVING_SHARE, _LEAVING_SIGMA = 0.15, 0.05
+_COVERED_SHARE, _COVERED_SIGMA = 0.5, 0.15
+_BEFORE_SIGMA = 0.05
+_WITHIN_SHARE, _WITHIN_SIGMA = 0.7, 0.15
+_CLIP_SIGMA_S = 0.5
+
+
+def disappears(a: StageRows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
+    """P(a is gone from view at about this moment, inside the picture and behind nothing).
+
+    ``exp(-½ (t - t_end)² / σ²)`` with the moment t_end at which a was last seen, times the factors
+    *border*, *clip* and ``1 - max(hidden)`` of this module. Whatever covers a counts as an
+    obstacle, a parked vehicle too: who walks behind it is not gone. Who enters it is covered by it
+    as well, for that see :func:`disappears_into`. NaN where a was never seen in the picture.
+    """
+    return _end(a, None, True, sigma_s)
+
+
+def appears(a: StageRows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
+    """P(a comes into view at about this moment, inside the picture and from behind nothing):
+    :func:`disappears` with time reversed.
+    """
+    return _end(a, None, False, sigma_s)
+
+
+def disappears_into(
+    a: StageRows, b: StageRows, *, sigma_s: float = _END_SIGMA_S
+) -> Float[np.ndarray, "m"]:
+    """P(a is gone, within b's outline, and nothing but b hides it): :func:`disappears`, for which b
+    is no obstacle, with the factor *leaving* for *border*, times *within*.
+
+    A person who gets into a vehicle on its far side is covered by it, always, so that b's cover
+    says nothing against it. That it was near on the ground, and stooped, are predicates of their
+    own. NaN where b was never seen.
+    """
+    return _end(a, b, True, sigma_s)
+
+
+def appears_from(
+    a: StageRows, b: StageRows, *, sigma_s: float = _END_SIGMA_S
+) -> Float[np.ndarray, "m"]:
+    """P(a comes into view, within b's outline, and nothing but b hid it): :func:`disappears_into`
+    with time reversed.
+    """
+    return _end(a, b, False, sigma_s)
+
+
+@dataclass(frozen=True, eq=False)
+class _Ends:
+    """One end of every track: its moment, the box then, what speaks for it, and the two that hide
+    it most.
+
+    ``free`` is by the border and the clip, ``still`` the same of what does not leave. ``whom`` is
+    the position of the hiding track in the stage, -1 for none. ``seen`` are the rows of the stage
+    that show a box.
+    """
+
+    time_s: Float[np.ndarray, "t"]
+    box_xyxy: Float[np.ndarray, "t 4"]
+    free: Float[np.ndarray, "t"]
+    still: Float[np.ndarray, "t"]
+    hidden: Float[np.ndarray, "t 2"]
+    whom: Int[np.ndarray, "t 2"]
+    seen: Int[np.ndarray, "n"]
+
+
+_KEPT: "WeakKeyDictionary[Stage, dict[bool, _Ends]]" = WeakKeyDictionary()
+"""Ends belong to the stage alone: they are judged once for all predicates that ask."""
+
+
+def _kept(stage: Stage, last: bool) -> _Ends:
+    kept = _KEPT.setdefault(stage, {})
+    if last not in kept:
+        kept[last] = _ends(stage, last)
+    return kept[last]
+
+
+def _end(a: StageRows, b: StageRows | None, last: bool, sigma_s: float) -> np.ndarray:
+    ends, track = _kept(a.stage, last), a.stage.track_of_row[a.index]
+    bump = np.exp(-(((a.time_s - ends.time_s[track]) / sigma_s) ** 2) / 2)
+    if b is None:
+        return np.asarray(bump * ends.free[track] * (1 - ends.hidden[track, 0]))
+    other = b.stage.track_of_row[b.index]
+    hidden = np.where(ends.whom[track, 0] == other, ends.hidden[track, 1], ends.hidden[track, 0])
+    share = _covered(ends.box_xyxy[track], _nearest_box(b.stage, other, ends.time_s[track]))
+    within = ndtr((share - _WITHIN_SHARE) / _WITHIN_SIGMA)
+    return np.asarray(bump * ends.still[track] * (1 - hidden) * within)
+
+
+def _ends(stage: Stage, last: bool) -> _Ends:
+    tracks, count = stage.tracks, len(stage.first_row)
+    time_s, free, still = np.full((3, count), np.nan)
+    box = np.full((count, 4), np.nan)
+    hidden, whom = np.zeros((count, 2)), np.full((count, 2), -1)
+    seen = np.flatnonzero(tracks.observed & np.isfinite(tracks.box_xyxy).all(axis=1))
+    if not len(seen):
+        return _Ends(time_s, box, free, still, hidden, whom, seen)
+    owner = stage.track_of_row[seen]
+    changes = owner[1:] != owner[:-1]
+    row = seen[np.append(changes, True) if last else np.append(True, changes)]
+    track = stage.track_of_row[row]
+    time_s[track], box[track] = tracks.time_s[row], tracks.box_xyxy[row]
+    now, then = box[track], _carried_on(stage, row, last)
+    size = np.sqrt(np.maximum((now[:, 2] - now[:, 0]) * (now[:, 3] - now[:, 1]), 1.0))
+    margins = [_margin(one, stage.image_size) / size for one in (now, then)]
+    border = ndtr((np.minimum(*margins) - _BORDER_SHARE) / _BORDER_SIGMA)
+    outwards = ndtr((margins[0] - margins[1] - _LEAVING_SHARE) / _LEAVING_SIGMA)
+    everything = tracks.time_s.max() if last else tracks.time_s.min()
+    clip = 1 - np.exp(-(((time_s[track] - everything) / _CLIP_SIGMA_S) ** 2) / 2)
+    free[track], still[track] = border * clip, (1 - (1 - border) * outwards) * clip
+    _hide(stage, track, row, seen, (now, then), hidden, whom)
+    return _Ends(time_s, box, free, still, hidden, whom, seen)
+
+
+def _nearest_box(
+    stage: Stage, track: Int[np.ndarray, "m"], time_s: Float[np.ndarray, "m"]
+) -> Float[np.ndarray, "m 4"]:
+    """Boxes of tracks at the moments nearest to given ones at which they were seen; else NaN."""
+    seen = _kept(stage, True).seen
+    box = np.full((len(track), 4), np.nan)
+    if not len(seen):
+        return box
+    line, wanted = stage.line_s[seen], stage.on_line(track, np.nan_to_num(time_s))
+    late = np.minimum(np.searchsorted(line, wanted), len(seen) - 1)
+    early = np.maximum(late - 1, 0)
+    nearer = np.abs(line[early] - wanted) < np.abs(line[late] - wanted)
+    row = np.where(nearer, early, late)
+    mine = np.flatnonzero(stage.track_of_row[seen[row]] == track)
+    box[mine] = stage.tracks.box_xyxy[seen[row[mine]]]
+    return box
+
+
+def _carried_on(stage: Stage, row: np.ndarray, last: bool) -> np.ndarray:
+    """The boxes half a second on, by their motion in the picture over the half second before."""
+    tracks = stage.tracks
+    early, late = stage.window(row, _LOOK_S)
+    from_row = early if last else late
+    # Where that row was bridged there is no box, and the motion is unknown: none.
+    before = tracks.box_xyxy[from_row]
+    taken = np.abs(tracks.time_s[row] - tracks.time_s[from_row])
+    now = tracks.box_xyxy[row]
+    way = now - before
+    corner = np.array(stage.image_size) - 1 - BORDER_PX
+    # Where the border cuts a side, the opposite one tells the motion.
+    cut = np.hstack([now[:, :2] <= BORDER_PX, now[:, 2:] >= corner])
+    weight = np.where(cut & ~cut[:, [2, 3, 0, 1]], 0.0, 1.0)
+    moved = weight * way + (weight * way)[:, [2, 3, 0, 1]]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shift = moved / (weight + weight[:, [2, 3, 0, 1]]) * (_LOOK_S / taken)[:, None]
+    return np.asarray(now + np.where(np.isfinite(shift), shift, 0.0))
+
+
+def _margin(box: np.ndarray, image_size: tuple[int, int]) -> np.ndarray:
+    """Smallest distance of a box's sides from those of the picture, pixels; negative outside."""
+    width, height = image_size
+    sides = [box[:, 0], box[:, 1], width - 1 - box[:, 2], height - 1 - box[:, 3]]
+    return np.asarray(np.minimum.reduce(sides))
+
+
+def _hide(
+    stage: Stage,
+    track: np.ndarray,
+    row: np.ndarray,
+    seen: np.ndarray,
+    boxes: tuple[np.ndarray, np.ndarray],
+    hidden: np.ndarray,
+    whom: np.ndarray,
+) -> None:
+    """Find for every end the two objects that hide it most, and how much."""
+    tracks = stage.tracks
+    time = tracks.time_s[row]
+    order = np.argsort(time, kind="stable")
+    # Which ends fall within half a step of every row that was seen?
+    reach, at = 0.501 * stage.step_s, tracks.time_s[seen]
+    low = np.searchsorted(time[order], at - reach)
+    count = np.searchsorted(time[order], at + reach, side="right") - low
+    owner, position = expand(low, count)
+    if not len(owner):
+        return
+    other, end = seen[owner], order[position]
+    foreign = stage.track_of_row[other] != track[end]
+    other, end = other[foreign], end[foreign]
+    box = tracks.box_xyxy[other]
+    covered = np.maximum(*(_covered(part[end], box) for part in boxes))
+    now = boxes[0][end]
+    depth = (box[:, 3] - now[:, 3]) / (_BEFORE_SIGMA * np.maximum(now[:, 3] - now[:, 1], 1.0))
+    value = ndtr((covered - _COVERED_SHARE) / _COVERED_SIGMA) * ndtr(depth)
+    value[covered == 0] = 0.0
+    by = stage.track_of_row[other]
+    # Largest first within every end; an object counts once.
+    for rank in range(2):
+        best = np.zeros(len(row))
+        np.maximum.at(best, end, value)
+        top = (value == best[end]) & (value > 0)
+        hidden[track, rank] = best
+        whom[track[end[top]], rank] = by[top]
+        value = np.where(by == whom[track[end], rank], 0.0, value)
+
+
+def _covered(box: np.ndarray, by: np.ndarray) -> np.ndarray:
+    """Share of the boxes that others cover."""
+    low, high = np.maximum(box[:, :2], by[:, :2]), np.minimum(box[:, 2:], by[:, 2:])
+    both = np.clip(high - low, 0.0, None).prod(axis=1)
+    return np.asarray(both / np.maximum((box[:, 2:] - box[:, :2]).prod(axis=1), 1e-9))

@@ -1,0 +1,224 @@
+"""``track``: the stages of a run, one after the other."""
+
+import hashlib
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scene4d.calibration.writing import BACKGROUND
+from scene4d.core.calibration import GIVEN, Calibration
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+from scene4d.core.files import read_json, write_bytes
+from scene4d.core.progress import Progress, Silent, timed
+from scene4d.core.tracks import Tracks
+from scene4d.tracking._options import Job, TrackOptions, TrackRun
+
+if TYPE_CHECKING:
+    from scene4d.store.log import Look
+    from scene4d.store.writing import SceneWriter
+    from scene4d.video.frames import Source
+
+_FIGURES = "figures"
+_MOST_DRAWN = 40_000
+"""So many positions are drawn in a picture at most; more cannot be told apart."""
+_MANY_WITHOUT = 0.5
+"""Share of rows without a position beyond which the camera is probably wrong."""
+
+
+def track(
+    source: str | Path | None,
+    camera: str | Path | Calibration | Camera,
+    out: str | Path,
+    options: TrackOptions | None = None,
+    *,
+    progress: Progress | None = None,
+    **more: Any,
+) -> TrackRun:
+    """Follow people and vehicles through footage of a calibrated camera, and write a scene.
+
+    ``source`` is a video or a stream, or None with annotations; ``camera`` a camera file or a
+    camera in memory; ``out`` the folder of the scene, which is added to. Options are those of
+    :class:`TrackOptions`, in one or by their names: ``track(video, camera, "scene", rate_hz=5)``.
+    A run over a video that
+    was killed goes on after its last complete chunk of footage, and its result is that of a run
+    that was not. A stream is watched until it ends or Ctrl-C is pressed; each time is a run of its
+    own, and what was seen is part of the scene within half a minute. Raises :class:`InputError` for
+    bad input (a camera that moved is one), :class:`UnavailableError` where weights cannot be had,
+    and :class:`OutputError` where the scene cannot be written.
+    """
+    options = replace(options or TrackOptions(), **more)
+    seen = options.annotations or source
+    if seen is None:
+        raise InputError("source: there is nothing to track: give footage, or annotations")
+    calibration, described, background = _calibrated(camera)
+    with ExitStack() as opened:
+        footage = None if source is None else opened.enter_context(_footage(source, calibration))
+        live = options.annotations is None and footage is not None and footage.timeline is None
+        now = datetime.now(UTC)
+        if live and options.start is None:
+            options = replace(options, start=now)
+        name = options.name or _shown_name(options.annotations if source is None else source)
+        run = TrackRun(Path(out), name, _run_name(seen, now if live else None))
+        job = Job(calibration, described, background, options, run, progress or Silent())
+        looks, provenance = _looks(footage, job, live=live)
+        with _writer(job, provenance) as writer:
+            _write(writer, looks, job, live=live)
+        _finish(job)
+    return run
+
+
+def _calibrated(
+    camera: str | Path | Calibration | Camera,
+) -> tuple[Calibration, dict[str, Any], Path | None]:
+    """The calibration, how a scene stores it, and where a picture of the scene may lie."""
+    if isinstance(camera, Camera):
+        camera = Calibration.of_camera(camera)
+    if isinstance(camera, Calibration):
+        if camera.camera is None:
+            raise InputError("camera: the calibration is undetermined, expected one with a camera")
+        return camera, camera.to_dict(), None
+    from scene4d.formats.cameras import read_calibration
+
+    found = read_calibration(camera)
+    described = found.to_dict() if found.method == GIVEN else read_json(camera)
+    return found, described, Path(camera).with_name(BACKGROUND)
+
+
+def _footage(source: str | Path, calibration: Calibration) -> "Source":
+    from scene4d.video.reader import open_source
+
+    footage = open_source(source)
+    if footage.timeline is not None and len(footage.timeline) < 2:
+        footage.close()
+        raise InputError(f"{footage.name}: is a single picture, and a track needs several")
+    if footage.image_size != calibration.image_size:
+        footage.close()
+        (w, h), (cw, ch) = footage.image_size, calibration.image_size
+        raise InputError(
+            f"{footage.name}: is {w}x{h}, but the camera was calibrated on {cw}x{ch}: give footage "
+            "of that size, or calibrate on this"
+        )
+    return footage
+
+
+def _shown_name(seen: str | Path | None) -> str:
+    """The footage's name without folders, ending and passwords."""
+    from scene4d.video.stream import stream_name, without_password
+
+    text = str(seen)
+    return stream_name(text) if "://" in text else Path(without_password(text)).stem
+
+
+def _run_name(seen: str | Path, began: datetime | None) -> str:
+    """The footage's name, with a mark that tells it from others of that name: the same footage gets
+    the same name. A stream is never the same again, so its name says when it ``began``.
+    """
+    from scene4d.video.stream import without_password
+
+    text = without_password(str(seen))
+    place = text if "://" in text else str(Path(text).resolve())
+    name = f"{_shown_name(seen)}-{hashlib.sha256(place.encode()).hexdigest()[:6]}"
+    return name if began is None else f"{name}-{began:%Y%m%dT%H%M%S.%fZ}"
+
+
+def _looks(
+    footage: "Source | None", job: Job, *, live: bool
+) -> tuple[Iterator["Look"], dict[str, Any]]:
+    """What is followed, and where it comes from."""
+    options = job.options
+    if options.annotations is not None:
+        from scene4d.tracking.annotated import annotated_looks
+
+        fps = options.fps or (None if footage is None else footage.fps)
+        said = {"annotations": str(options.annotations), "fps": fps, "rate_hz": options.rate_hz}
+        if footage is not None:
+            said["source"] = str(Path(footage.name).resolve())
+        return annotated_looks(footage, job), said
+    from scene4d.tracking.watching import watch_settings, watched, watched_live
+
+    assert footage is not None
+    look = watched_live if live else watched
+    return look(footage, job), watch_settings(footage, job)
+
+
+def _writer(job: Job, provenance: dict[str, Any]) -> "SceneWriter":
+    from scene4d.store.writing import SceneWriter
+
+    return SceneWriter(
+        job.run.scene,
+        camera=job.run.camera,
+        run=job.run.run,
+        start_utc=job.options.start,
+        camera_json=job.described,
+        provenance=provenance,
+    )
+
+
+def _write(writer: "SceneWriter", looks: Iterator["Look"], job: Job, *, live: bool) -> None:
+    """Follow, and write what has become final; of a stream at once."""
+    from scene4d.tracking.following import follow
+
+    for tracks in follow(
+        looks,
+        job.calibration,
+        job.person_height_m,
+        trusted=job.options.annotations is not None,
+        timings=job.run.timings,
+    ):
+        _put(writer, tracks, job.run)
+        if live:
+            with timed(job.run.timings, "write"):
+                writer.commit()
+    with timed(job.run.timings, "write"):
+        writer.close()
+
+
+def _put(writer: "SceneWriter", tracks: Tracks, run: TrackRun) -> None:
+    if not len(tracks):
+        return
+    with timed(run.timings, "write"):
+        writer.write(tracks)
+    run.rows += len(tracks)
+    run.without_position += int(np.isnan(tracks.xy_m[:, 0]).sum())
+    run.begin_s = float(np.fmin(run.begin_s, tracks.time_s.min()))
+    run.end_s = float(np.fmax(run.end_s, tracks.time_s.max()))
+
+
+def _finish(job: Job) -> None:
+    """Count and draw what was written."""
+    from scene4d.store.query import Scene
+
+    run = job.run
+    if not run.rows:
+        return
+    if run.without_position > _MANY_WITHOUT * run.rows:
+        run.warnings.append(
+            f"{run.without_position} of {run.rows} rows have no position: the camera does not see "
+            "them on the ground; are its height and its tilt right?"
+        )
+    scene = Scene.open(run.scene).only(run.run)
+    run.tracks = scene.track_counts()
+    with timed(run.timings, "draw"), job.progress.stage("Drawing", None):
+        run.picture = _drawn(job, scene.paths(run.camera, _MOST_DRAWN))
+
+
+def _drawn(job: Job, paths: dict[int, tuple[str, np.ndarray]]) -> Path | None:
+    """The picture of a run; None where nobody has a position."""
+    from scene4d.drawing.scene_map import draw_scene_map
+    from scene4d.store.runs import file_name
+    from scene4d.tracking.watching import calibrated_view
+
+    image = calibrated_view(job.background, job.camera.image_size)
+    content = draw_scene_map(job.camera, paths, image)
+    if content is None:
+        return None
+    path = job.run.scene / _FIGURES / f"{file_name(job.run.run, 'run')}.png"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(path, content)
+    return path
