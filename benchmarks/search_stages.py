@@ -30,7 +30,7 @@ STAGES = (
     ("scene4d.searching.activities.search", "found_event", "one event per occurrence"),
     ("scene4d.searching.activities.search", "one_per_occurrence", "one event per occurrence"),
     ("scene4d.cli.search", "_show_understood", "print"),
-    ("scene4d.cli.search", "_finish", "print"),
+    ("scene4d.cli.search", "_show", "print"),
 )
 """Module, function, and what it is called here."""
 ALSO = (
@@ -38,7 +38,6 @@ ALSO = (
     "scene4d.store.query",
     "scene4d.searching.language",
     "scene4d.cli.app",
-    "scene4d.cli.folder",
     "scene4d.cli.output",
     "scene4d.cli.progress",
     "rich.console",

@@ -1,6 +1,8 @@
 """The layers of pyproject.toml hold, and import-linter would notice if they did not."""
 
+import ast
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -59,3 +61,35 @@ def test_a_stray_import_is_noticed(checkout, where, line, message):
     found = lint_imports(checkout)
     assert found.returncode == 1
     assert message in found.stdout + found.stderr
+
+
+def private_uses() -> list[str]:
+    """Imports of a room's private modules by another room."""
+    source = ROOT / "src" / "scene4d"
+    found = []
+    for path in sorted(source.rglob("*.py")):
+        room = path.relative_to(source).parts[0]
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                names = [f"{node.module}.{alias.name}" for alias in node.names]
+            elif isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            else:
+                continue
+            for name in names:
+                package, _, rest = name.partition(".")
+                other, _, inside = rest.partition(".")
+                if package == "scene4d" and other != room and re.search(r"(^|\.)_[a-z]", inside):
+                    found.append(f"{path.relative_to(source)}: {name}")
+    return found
+
+
+def test_what_carries_an_underscore_stays_in_its_room():
+    assert private_uses() == []
+
+
+def test_a_private_import_would_be_noticed(checkout, monkeypatch):
+    path = checkout / "src" / "scene4d" / "searching" / "stages.py"
+    path.write_text("from scene4d.store._claims import Claim\n" + path.read_text())
+    monkeypatch.setattr(f"{__name__}.ROOT", checkout)
+    assert private_uses() == ["searching/stages.py: scene4d.store._claims.Claim"]

@@ -1,4 +1,4 @@
-"""What the columns of a scene are, and how :class:`~scene4d.core.Tracks` become them.
+"""What the columns of a scene are, and how :class:`~scene4d.core.tracks.Tracks` become them.
 
 The files hold no NaN: what is not known is null, so that ``avg``, ``min`` and ``count`` of any SQL
 engine, and the statistics by which readers skip row groups, mean what they say. Floats are stored
