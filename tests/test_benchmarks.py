@@ -167,6 +167,6 @@ def test_the_page_has_what_the_run_replaces():
     assert begun == re.findall(r"<!-- (.*): end -->", page)
     assert set(begun) == {
         "machine", "peers", "stages", "start-up", "growth of people", "growth of frames",
-        "growth of sizes", "growth of pairs", "predicates", "search", "stages of search",
+        "growth of sizes", "growth of pairs", "search", "stages of search",
         "growth of search",
     }  # fmt: skip

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+
 from cli_scenes import save_images
 
 
@@ -104,7 +105,7 @@ def test_a_truncated_video_is_used_as_far_as_it_goes(run, networks, pets, tmp_pa
 def test_footage_and_image_size_that_disagree(run, tmp_path):
     folder = save_images(tmp_path / "f", [np.zeros((48, 64, 3), np.uint8)])
     done = run("calibrate", folder, "--image-size", "640x480", "--out", tmp_path / "o")
-    assert_refused(done, tmp_path / "o", "--image-size", "64x48")
+    assert_refused(done, tmp_path / "o", "image_size", "64x48")
 
 
 BAD_BOXES = {
@@ -168,7 +169,7 @@ def test_a_weight_whose_hash_differs(run, pets, tmp_path, monkeypatch):
         (tmp_path / "weights" / weight.file).write_bytes(b"another network")
     monkeypatch.setenv("SCENE4D_CACHE", str(tmp_path))
     done = run("calibrate", pets, "--frames", 2, "--out", tmp_path / "o")
-    assert_refused(done, tmp_path / "o", WEIGHTS[0].file, "SHA-256", "models fetch")
+    assert_refused(done, tmp_path / "o", WEIGHTS[0].file, "SHA-256", "delete it")
 
 
 def test_an_output_folder_that_cannot_be_made(run, known, tmp_path):

@@ -123,7 +123,7 @@ def test_every_option_reaches_the_room(run, tmp_path, monkeypatch):
     seen = []
 
     def remember(source, options, progress, *, command):
-        assert command.startswith("scene4d ")
+        assert command.startswith("scene4d")
         seen.append((source, options))
         raise InputError("enough")
 

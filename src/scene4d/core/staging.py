@@ -57,11 +57,13 @@ def install(target_of: dict[Path, Path]) -> None:
         with naming(target):
             _check(target)
             _flush(new)
+    alone = len(target_of) == 1  # moved in one step: nothing to go back to, nothing left by a kill
     moved: dict[Path, Path | None] = {}
     try:
         for new, target in target_of.items():
             with naming(target):
-                moved[target] = _kept(target, new.with_name(f"{new.name}.before"))
+                if not alone:
+                    moved[target] = _kept(target, new.with_name(f"{new.name}.before"))
                 new.replace(target)
     except BaseException:
         for target, before in reversed(moved.items()):

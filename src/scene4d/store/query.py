@@ -37,7 +37,7 @@ from scene4d.store._question import (
     text_sql,
     with_nan,
 )
-from scene4d.store.runs import Part, Run, camera_path, complete_runs
+from scene4d.store.runs import Part, Run, camera_identity, camera_path, complete_runs
 from scene4d.store.schema import COLUMN_NAMES, COLUMNS, KEYPOINT_COLUMNS, RUN_TRACKS, from_table
 
 _ALONE: dict[str, Any] = {
@@ -316,10 +316,7 @@ def _check_cameras(stored: Sequence[Stored]) -> None:
     said: dict[str, tuple[Path, Any]] = {}
     for one in stored:
         path = camera_path(one.folder, one.run.camera)
-        # When it was made makes it no other camera.
-        told = read_json(path)
-        if isinstance(told, dict):
-            told = {name: value for name, value in told.items() if name != "made"}
+        told = camera_identity(read_json(path))
         first, calibration = said.setdefault(one.run.camera, (path, told))
         if told != calibration:
             raise InputError(

@@ -162,6 +162,13 @@ def camera_path(folder: Path, camera: str) -> Path:
     return folder / "cameras" / f"{file_name(camera, 'camera')}.json"
 
 
+def camera_identity(calibration: Any) -> Any:
+    """What makes a stored calibration this one; when and by what it was made does not."""
+    if not isinstance(calibration, dict):
+        return calibration
+    return {name: value for name, value in calibration.items() if name != "made"}
+
+
 def rows_folder(folder: Path, camera: str) -> Path:
     """Where the rows of a camera lie: nothing but Parquet files is below ``tracks``."""
     return folder / "tracks" / f"camera={file_name(camera, 'camera')}"

@@ -31,6 +31,7 @@ from scene4d.store._claims import Claim, claims
 from scene4d.store.runs import (
     Part,
     Run,
+    camera_identity,
     camera_path,
     complete_runs,
     file_name,
@@ -244,8 +245,8 @@ class SceneWriter:
         before = read_json(path)
         if not isinstance(before, dict):
             raise InputError(f"{path}: is not a JSON object")
-        told = {*before, *calibration} - {"made"}  # when it was made makes it no other camera
-        other = sorted(k for k in told if before.get(k) != calibration.get(k))
+        there, here = camera_identity(before), camera_identity(calibration)
+        other = sorted(k for k in {*there, *here} if there.get(k) != here.get(k))
         if other:
             raise InputError(
                 f"{path}: camera {self._run.camera!r} has another calibration there "

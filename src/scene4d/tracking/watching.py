@@ -17,7 +17,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.progress import Advance, timed
 from scene4d.store.log import DetectionLog, Look
-from scene4d.store.runs import file_name
+from scene4d.store.runs import camera_identity, file_name
 from scene4d.tracking._options import Job
 from scene4d.video.frames import Frame, Source
 from scene4d.video.stream import without_password
@@ -90,7 +90,7 @@ def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
 
     path, options = Path(footage.name), job.options
     there = path.stat() if path.is_file() else None
-    described = json.dumps(job.described, sort_keys=True).encode()
+    described = json.dumps(camera_identity(job.described), sort_keys=True).encode()
     return {
         "source": str(path.resolve()) if there is not None else without_password(footage.name),
         "bytes": None if there is None else there.st_size,
