@@ -417,7 +417,7 @@ def test_bad_input_is_named():
     other = build_camera(build_lens((1280, 720)))
     with pytest.raises(InputError, match=r"1920, 1080.*1280, 720.*camera of this footage"):
         locate_vehicles(boxes, other)
-    with pytest.raises(InputError, match="need their spread"):
+    with pytest.raises(InputError, match="heading_sigma_rad together"):
         locate_vehicles(boxes, STREET, heading_rad=np.zeros(1))
     with pytest.raises(InputError, match="1 detections, 2 headings"):
         locate_vehicles(boxes, STREET, heading_rad=np.zeros(2), heading_sigma_rad=np.ones(2))

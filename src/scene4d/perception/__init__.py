@@ -1,1 +1,1 @@
-"""People, vehicles and the camera's orientation in pictures. Import the submodules."""
+"""People, vehicles and the camera's orientation in images. Import the submodules."""

@@ -1,9 +1,9 @@
-"""Opening ONNX networks for inference on the processor, quietly and with few threads."""
+"""Opens ONNX networks for inference on the CPU, without log messages and with few threads."""
 
 import os
 from pathlib import Path
 
-# Newer wheels report to their maker as soon as they are imported: nothing leaves this machine.
+# Newer wheels send telemetry as soon as they are imported: nothing may leave this machine.
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
 import onnxruntime as ort
@@ -11,12 +11,12 @@ import onnxruntime as ort
 ort.disable_telemetry_events()  # not every build reads the variable
 
 THREADS = 2
-"""Threads of a network, chosen by hand: the decoder and other networks need the cores too."""
+"""Threads per network, chosen by hand: the decoder and other networks need cores too."""
 _ERRORS_ONLY = 3
 
 
 def open_session(network: Path | bytes) -> ort.InferenceSession:
-    """An inference session on the processor, of a file or of its content.
+    """An inference session on the CPU, from a file or its content.
 
     Waiting threads sleep instead of spinning, because detector, keypoint network and decoder take
     turns on the same cores.

@@ -1,10 +1,10 @@
-"""Which boxes of successive sampled frames show the same person.
+"""Tracking people in the image through sampled frames, for calibration.
 
-Sampled frames lie up to seconds apart, so boxes of one walker need not overlap. Boxes are
-associated by where the foot is predicted to be, by size and by the colours of the clothes, in one
-assignment per frame. The calibrator fits one height per track, so a track that mixes two people
-does more harm than a person split in two: where two matches are about equally good, the tracks
-concerned end and new ones begin.
+Sampled frames can be seconds apart, so boxes of one walker need not overlap. Boxes are associated
+by the predicted position of the foot, by size and by the colours of the clothes, in one assignment
+per frame. The calibrator fits one height per track, so a track that mixes two people does more
+harm than a person split in two: where two matches are about equally good, the tracks concerned end
+and new ones begin.
 """
 
 from dataclasses import dataclass
@@ -15,34 +15,34 @@ from scipy.optimize import linear_sum_assignment
 
 from scene4d.core.errors import InputError
 
-# Lengths are in heights of the person's box, so that near and far people are alike; costs are -2
-# log likelihood, up to a constant. Chosen by hand, for purity, on PETS S2L1 at frames 0.1 to 1.6 s
-# apart (tests/perception/test_tracking.py holds what they reach there).
+# Lengths are in heights of the person's box, so that near and far people are treated alike; costs
+# are -2 log likelihood, up to a constant. Chosen by hand, for purity, on PETS S2L1 with frames 0.1
+# to 1.6 s apart (tests/perception/test_tracking.py checks the result there).
 _SPEED_SIGMA = np.array([0.6, 0.4])
-"""How fast people move along the image's x and y, heights per second."""
+"""Speed of people along the image's x and y, heights per second."""
 _KEEP_S = 5.0
-"""How long they keep a velocity, seconds."""
+"""Correlation time of the velocity, seconds."""
 _FOOT_SIGMA = 0.07
 """Jitter of a box's foot."""
 _SIZE_SIGMA = 0.06
 """Jitter of the logarithm of a box's height."""
 _SIZE_DRIFT = 0.08
-"""Its change per second, for people who come nearer or go."""
+"""Its change per second, as people approach or recede."""
 _COLOUR_SIGMA = 0.15
 """Hellinger distance between colours of one person."""
 _COLOUR_LIMIT = 0.4
-"""Larger distances are another person."""
+"""Larger distances mean another person."""
 _NEW_SHARE = 0.3
-"""Share of a new sighting in a track's colours."""
+"""Weight of a new detection in a track's colours."""
 _GATE = 4.0
 """Largest distance of foot or size, standard deviations."""
 _COST_LIMIT = 14.0
-"""Costlier matches are a coincidence."""
+"""Matches with a higher cost are considered chance."""
 _MARGIN = 4.0
-"""How much cheaper a match must be than any other that it excludes."""
+"""How much cheaper a match must be than any other match it excludes."""
 _MEMORY_S = 2.0
 _MEMORY_FRAMES = 2
-"""A track unseen for longer than both ends."""
+"""A track ends when it is unseen for longer than both limits."""
 
 
 @dataclass
@@ -66,7 +66,7 @@ class _Sighting:
 
 
 class Tracker:
-    """Gives the boxes of successive frames a track number, counted from 0; streaming."""
+    """Assigns track numbers, from 0, to the boxes of successive frames; streaming."""
 
     def __init__(self) -> None:
         self._tracks: list[_Track] = []
@@ -82,9 +82,9 @@ class Tracker:
     ) -> Int[np.ndarray, "n"]:
         """Track numbers (n,) of the boxes of one frame.
 
-        ``appearance`` are histograms, each summing to 1 (``colour_histograms``); without them
+        ``appearance`` holds histograms that each sum to 1 (``colour_histograms``); without them
         fewer matches are certain and tracks are shorter. Frames may be any time apart. Raises
-        :class:`InputError` where time is not finite or runs backwards.
+        :class:`InputError` if the time is not finite or goes backwards.
         """
         if not np.isfinite(time_s) or time_s < self._time_s:
             raise InputError(
@@ -138,10 +138,10 @@ class Tracker:
 
 
 def _predict(t: _Track, time_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """State and covariance now: velocity is an Ornstein-Uhlenbeck process.
+    """State and covariance at ``time_s``; the velocity is an Ornstein-Uhlenbeck process.
 
-    It is kept over times well below ``_KEEP_S`` and forgotten beyond, while its variance stays
-    ``_SPEED_SIGMA``²; so a prediction is as uncertain as it should be at any interval.
+    It persists over times well below ``_KEEP_S`` and decorrelates beyond, while its variance stays
+    ``_SPEED_SIGMA``², so the predicted uncertainty is right for any interval.
     """
     dt, k = time_s - t.time_s, _KEEP_S
     decay = np.exp(-dt / k)
@@ -165,7 +165,7 @@ def _costs(
     seen: _Sighting,
     dt: float,
 ) -> np.ndarray:
-    """Cost (n,) of every box as the track's next; infinite where it cannot be."""
+    """Cost (n,) of every box as the track's next; infinite where impossible."""
     variance = covariance[:, 0, 0] + _FOOT_SIGMA**2
     away = (((seen.foot - state[:, 0]) / t.height) ** 2 / variance).sum(axis=1)
     size = np.log(seen.height / t.height) ** 2 / (_SIZE_SIGMA**2 + (_SIZE_DRIFT * dt) ** 2)
@@ -200,14 +200,14 @@ def _correct(
 def clear_matches(
     cost: Float[np.ndarray, "t n"],
 ) -> tuple[list[tuple[int, int]], Bool[np.ndarray, "t"]]:
-    """Pairs (track, box) of the cheapest assignment that stand alone, and the doubtful tracks.
+    """Unambiguous pairs (track, box) of the minimum-cost assignment, and the ambiguous tracks.
 
-    A pair stands alone if every other pair of the same track or box costs ``_MARGIN`` more. Where
-    one does not, it is left out and all tracks that could claim its box are doubtful.
+    A pair is unambiguous if every other pair of the same track or box costs ``_MARGIN`` more. An
+    ambiguous pair is left out, and all tracks that could claim its box are ambiguous.
     """
     pairs: list[tuple[int, int]] = []
     doubtful = np.zeros(len(cost), bool)
-    # A finite stand-in larger than any sum of costs: impossible pairs only where nothing else is.
+    # A finite value larger than any sum of costs: impossible pairs only as a last resort.
     possible = np.where(np.isfinite(cost), cost, 1e6)
     for i, j in zip(*linear_sum_assignment(possible), strict=True):
         if not np.isfinite(cost[i, j]):

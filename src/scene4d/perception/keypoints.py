@@ -1,4 +1,4 @@
-"""RTMPose: the 26 Halpe body points of people whose boxes are known.
+"""RTMPose: the 26 Halpe body keypoints of people with known boxes.
 
 Source: Jiang et al., "RTMPose: Real-Time Multi-Person Pose Estimation based on MMPose" (2023);
 coordinates are classified per axis as in Li et al., "SimCC" (ECCV 2022).
@@ -15,10 +15,10 @@ from scene4d.perception.weights import weight_path
 INPUT_SIZE = (192, 256)
 """Width and height of the network's input, pixels."""
 _PADDING = 1.25
-"""The crop is the box, widened to the input's aspect, times this: as the network was trained."""
+"""The crop is the box, extended to the input's aspect ratio, times this; as in training."""
 _BINS_PER_PIXEL = 2
 BATCH = 16
-"""People looked at in one go, chosen by hand to bound memory."""
+"""People per batch, chosen by hand to bound memory."""
 
 _MEAN_RGB = np.array([123.675, 116.28, 103.53], np.float32)
 _STD_RGB = np.array([58.395, 57.12, 57.375], np.float32)
@@ -29,9 +29,9 @@ def crop_transforms(
 ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 2"]]:
     """Scale (n,) and shift (n, 2) with ``input_px = scale * image_px + shift``, for every box.
 
-    One scale for both axes: the box is widened, never squeezed, to the aspect of the input. Both
-    sides count pixel centres at integers; the middle of the box falls on ``input_size / 2``, the
-    convention with which the network was trained.
+    Both axes have one scale: the box is extended, never squeezed, to the input's aspect ratio.
+    Pixel centres are at integers in both images; the middle of the box maps to ``input_size / 2``,
+    as in training.
     """
     width, height = input_size
     centre = (box_xyxy[:, :2] + box_xyxy[:, 2:]) / 2
@@ -41,9 +41,9 @@ def crop_transforms(
 
 
 def decode_simcc(logits: Float[np.ndarray, "n k b"]) -> tuple[np.ndarray, np.ndarray]:
-    """Position (n, k) in bins, with the vertex of a parabola, and the peak's height (n, k).
+    """Position (n, k) in bins, refined by a parabola's vertex, and the peak's height (n, k).
 
-    At the first and the last bin there are no two neighbours, so the bin itself is returned.
+    The first and last bin lack a neighbour, so they are not refined.
     """
     bins = logits.shape[2]
     peak = logits.argmax(axis=2)
@@ -59,7 +59,7 @@ def decode_simcc(logits: Float[np.ndarray, "n k b"]) -> tuple[np.ndarray, np.nda
 
 
 class KeypointEstimator:
-    """RTMPose-s through ONNX Runtime; gets the weights if they are missing."""
+    """RTMPose-s on ONNX Runtime; downloads missing weights."""
 
     names: tuple[str, ...] = HALPE26
 
@@ -72,9 +72,9 @@ class KeypointEstimator:
     ) -> tuple[Float[np.ndarray, "n 26 2"], Float[np.ndarray, "n 26"]]:
         """Keypoints (n, 26, 2) in pixels of the image and their scores (n, 26) in [0, 1].
 
-        A score is the lower of the two axes' peaks. The network was trained to answer with a bump
-        of height 1 at the right place, so the raw peak is a confidence already; noise carries it
-        slightly out of [0, 1], where it is clipped. Points may lie outside the image.
+        A score is the lower of the two axes' peaks. The network is trained to output a peak of
+        height 1 at the right place, so the raw peak is already a confidence; noise takes it
+        slightly out of [0, 1], and it is clipped. Points may lie outside the image.
         """
         uv = np.empty((len(box_xyxy), len(HALPE26), 2))
         score = np.empty((len(box_xyxy), len(HALPE26)))
@@ -92,7 +92,7 @@ class KeypointEstimator:
 
 
 def _crops(image_bgr: np.ndarray, scale: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """The network's input (n, 3, 256, 192): red first, normalised as in its training."""
+    """The network's input (n, 3, 256, 192): RGB, normalised as in training."""
     width, height = INPUT_SIZE
     crops = np.empty((len(scale), 3, height, width), np.float32)
     for crop, s, (tx, ty) in zip(crops, scale, shift, strict=True):

@@ -5,9 +5,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 _MIN_LENGTH = 0.02
-"""Shortest edge, as a share of the image's diagonal: shorter ones point anywhere."""
+"""Shortest edge, as a share of the image diagonal; directions of shorter ones are unreliable."""
 _MARGIN = 0.01
-"""Border of the image that is left out, as a share of its diagonal."""
+"""Image border that is ignored, as a share of the diagonal."""
 _BLACK_LEVEL = 8
 
 
@@ -17,8 +17,8 @@ def straight_edges(
 ) -> Float[np.ndarray, "m 4"]:
     """End points ``(u1, v1, u2, v2)`` of straight edges, pixel centres at integers.
 
-    ``hidden_xyxy`` are boxes whose edges are no part of the scene (people in a single picture).
-    Edges along the image's border, and along black frames that undistorting left, are dropped.
+    ``hidden_xyxy`` are boxes whose edges do not belong to the scene (people in a single image).
+    Edges along the image border, and along black areas left by undistortion, are dropped.
     """
     grey = cv2.cvtColor(background_bgr, cv2.COLOR_BGR2GRAY)
     found = cv2.createLineSegmentDetector(cv2.LSD_REFINE_STD).detect(grey)[0]
@@ -38,10 +38,10 @@ def straight_edges(
 
 
 def _outside(image_bgr: np.ndarray, margin: int) -> np.ndarray:
-    """What is no picture: black areas that touch the border, and a margin around them."""
+    """Invalid image areas: black areas that touch the border, and a margin around them."""
     dark = (image_bgr.max(axis=2) < _BLACK_LEVEL).astype(np.uint8)
     padded = np.pad(dark, 1, constant_values=1)
-    # Everything black that hangs together with the frame around the picture.
+    # Everything black that is connected to the frame around the image.
     labels = cv2.connectedComponents(padded, connectivity=4)[1]
     frame = (labels == labels[0, 0]).astype(np.uint8)
     size = 2 * margin + 1

@@ -1,4 +1,4 @@
-"""From one frame to a table of people and vehicles: detectors and keypoints put together."""
+"""Detects people and vehicles in one frame: detectors and keypoints combined into a table."""
 
 from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
@@ -15,18 +15,18 @@ from scene4d.perception.detectors._base import Detector
 from scene4d.perception.detectors.tiles import ExpectedPersonPx, TiledDetector
 
 _SAME_IOU = 0.5
-"""Boxes of cars, trucks and buses (or of the two kinds of bicycle) that overlap more are one: the
-customary threshold."""
+"""Boxes of cars, trucks and buses (or of bicycles and motorcycles) that overlap more are merged;
+the usual threshold."""
 _PART_SHARE = 0.8
-"""A box that lies so far inside a better one of its class is a part of it; chosen by hand."""
+"""A box with this share inside a better one of its class is a part of it; chosen by hand."""
 
 _BINS = 8
 _PARTS = ((0.15, 0.5), (0.55, 0.9))
 """Torso and legs, as shares of the box's height."""
 _MIDDLE = (0.25, 0.75)
-"""Share of the box's width where the body is, not the ground."""
+"""Part of the box's width that shows the body and not the ground."""
 _CLOTHES_AB = (98.0, 158.0)
-"""Clothes use a small part of the range of a* and b* (neutral: 128). These four chosen by hand."""
+"""Range of a* and b* (neutral: 128) that clothes use. These four values are chosen by hand."""
 
 _WHEELS = {name: 2 if name in ("bicycle", "motorcycle") else 4 for name in VEHICLES}
 _NAME = f"<U{max(map(len, CLASSES))}"
@@ -48,13 +48,13 @@ class TimedImage(Protocol):
 
     @property
     def image_bgr(self) -> UInt8[np.ndarray, "h w 3"]:
-        """The picture, blue first."""
+        """The image in BGR order."""
         ...
 
 
 @runtime_checkable
 class PoseEstimator(Protocol):
-    """Finds body points of people whose boxes are known."""
+    """Estimates body keypoints of people with known boxes."""
 
     names: tuple[str, ...]
 
@@ -67,10 +67,10 @@ class PoseEstimator(Protocol):
 
 @dataclass
 class ObjectDetector:
-    """Finds what a scene holds, one row per person and vehicle, without tracks.
+    """Detects people and vehicles, one row each, without tracks.
 
-    ``vehicles`` None: the vehicles too are those that ``people`` names. Persons that ``vehicles``
-    finds are left out. ``timings`` counts the seconds spent, by stage.
+    If ``vehicles`` is None, ``people`` detects the vehicles too. People that ``vehicles`` finds are
+    ignored. ``timings`` holds the seconds spent by stage.
     """
 
     people: Detector
@@ -80,7 +80,7 @@ class ObjectDetector:
 
     @classmethod
     def default(cls) -> "ObjectDetector":
-        """YOLOX-tiny, RTMPose-s and YOLOv4-tiny; gets the weights if they are missing."""
+        """YOLOX-tiny, RTMPose-s and YOLOv4-tiny; downloads missing weights."""
         from scene4d.perception.detectors._yolov4 import Yolov4TinyDetector
         from scene4d.perception.detectors.yolox import YoloxDetector
         from scene4d.perception.keypoints import KeypointEstimator
@@ -88,7 +88,7 @@ class ObjectDetector:
         return cls(YoloxDetector(), KeypointEstimator(), Yolov4TinyDetector())
 
     def expecting(self, expected_person_px: ExpectedPersonPx | None) -> "ObjectDetector":
-        """The same for a scene where the size of people is known; see TiledDetector."""
+        """The same detector for a scene with known sizes of people; see TiledDetector."""
 
         def told(detector: Detector | None) -> Detector | None:
             if isinstance(detector, TiledDetector):
@@ -100,10 +100,10 @@ class ObjectDetector:
         return replace(self, people=people, vehicles=told(self.vehicles))
 
     def look(self, frame: TimedImage) -> tuple[Detections, Float32[np.ndarray, "n 48"]]:
-        """What is seen in a frame, and the colours of every row (see ``colour_histograms``).
+        """Detections in a frame, and the colours of every row (see ``colour_histograms``).
 
-        People (best first), then vehicles (best first), under the names of ``CLASSES``. A rider
-        is a person, beside the bicycle's own row. Keypoints of vehicles are NaN with score 0.
+        People (best first), then vehicles (best first), with the names in ``CLASSES``. A rider and
+        the bicycle are two rows. Keypoints of vehicles are NaN with score 0.
         """
         image = frame.image_bgr
         with timed(self.timings, "detect people"):
@@ -140,7 +140,7 @@ class ObjectDetector:
 
 
 def _persons(found: sv.Detections) -> sv.Detections:
-    """The persons among detections; all of them where the detector names no classes."""
+    """The people among detections; all of them if the detector names no classes."""
     names = found.data.get("class_name")
     if names is None or not len(found):
         return found
@@ -152,9 +152,10 @@ def _persons(found: sv.Detections) -> sv.Detections:
 def one_per_vehicle(found: sv.Detections) -> sv.Detections:
     """The vehicles among detections, one row each, best first.
 
-    Of boxes of several classes that overlap by more than ``_SAME_IOU`` (a pick-up is a car and a
-    truck) the best is kept, bicycles and motorcycles apart from cars, trucks and buses: those
-    stand in front of one another. Then parts go: boxes inside a better one of their own class.
+    Of boxes of several classes that overlap by more than ``_SAME_IOU`` (a pick-up detected as car
+    and truck) the best is kept. Two-wheelers are treated separately from cars, trucks and buses,
+    since one can stand in front of the other. Then boxes inside a better one of their own class
+    are removed as parts.
     """
     names = np.asarray(found.data.get("class_name", []), dtype=object)
     kept = np.flatnonzero([name in VEHICLES for name in names])
@@ -184,7 +185,7 @@ def colour_histograms(
 ) -> Float[np.ndarray, "n 48"]:
     """Histograms of L*, a*, b* over torso and legs of every box; each row sums to 1.
 
-    A part that lies outside the image has a flat histogram.
+    A part outside the image has a uniform histogram.
     """
     out = np.empty((len(box_xyxy), len(_PARTS) * 3 * _BINS))
     for row, box in zip(out, box_xyxy, strict=True):

@@ -1,4 +1,4 @@
-"""From frames to a table of people: detector, keypoints and tracker put together."""
+"""Detects people in frames: detector, keypoints and tracker combined into a table."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
@@ -17,7 +17,7 @@ _PeopleProgress = Callable[[int, int], None]
 
 @dataclass
 class PeopleDetector:
-    """A detector, with keypoints and tracks where wanted. The tracker remembers: one per clip."""
+    """A detector with optional keypoints and tracks. The tracker has state: use one per clip."""
 
     detector: Detector
     keypoints: PoseEstimator | None = None
@@ -25,16 +25,16 @@ class PeopleDetector:
 
     @classmethod
     def default(cls) -> "PeopleDetector":
-        """YOLOX-tiny, RTMPose-s and the tracker; gets the weights if they are missing."""
+        """YOLOX-tiny, RTMPose-s and the tracker; downloads missing weights."""
         from scene4d.perception.detectors.yolox import YoloxDetector
         from scene4d.perception.keypoints import KeypointEstimator
 
         return cls(YoloxDetector(), KeypointEstimator())
 
     def look(self, frame: TimedImage) -> Detections:
-        """The people of one frame; frames come in order of time.
+        """The people in one frame; give frames in order of time.
 
-        Without a time a frame has no tracks (-1).
+        A frame without a time has no tracks (-1).
         """
         found, colours = ObjectDetector(self.detector, self.keypoints).look(frame)
         people = found.class_name == "person"
@@ -50,10 +50,10 @@ def detect_people(
     *,
     progress: _PeopleProgress | None = None,
 ) -> Detections:
-    """The people of a stream of frames, which is read once and never kept.
+    """The people in a stream of frames, which is read once and not kept in memory.
 
-    ``people`` None means :meth:`PeopleDetector.default`. Raises :class:`InputError` where there
-    is no frame at all, or where the frames change their size.
+    ``people`` None means :meth:`PeopleDetector.default`. Raises :class:`InputError` if there is no
+    frame, or if the frame size changes.
     """
     people = PeopleDetector.default() if people is None else people
     parts: list[Detections] = []

@@ -1,7 +1,7 @@
-"""Finding "people" that never move: mannequins, posters, reflections.
+"""Finds "people" that never move: mannequins, posters, reflections.
 
-Detectors find them as readily as people, always in the same place, and a camera calibrated on them
-is biased towards their size. Time separates them: nobody stands still to within a few percent of
+Detectors report them like people, always in the same place, and a camera calibrated on them is
+biased towards their size. Time separates them: nobody stands still to within a few percent of
 their height for most of a long clip.
 """
 
@@ -13,26 +13,26 @@ from scene4d.core.people import Detections
 
 # Chosen by hand on the tuning cameras (TownCentre has mannequins, PETS has none).
 _MIN_DURATION_S = 45.0
-"""People who talk stand in one place for half a minute."""
+"""People in conversation stand in one place for half a minute."""
 _MIN_FRAMES = 10
-"""Fewer frames with detections are too few to speak of a share of them."""
+"""Fewer frames with detections are too few to compute a share."""
 _CLIP_SHARE = 0.6
-"""Share of the clip from the first to the last sighting."""
+"""Share of the clip between the first and the last detection."""
 _SEEN_SHARE = 0.5
-"""Share of the frames between them with a sighting: separates one that stays from many who pass
-the same spot."""
+"""Share of the frames between them with a detection: separates one object that stays from many
+people passing the same spot."""
 _MIN_IOU = 0.7
-"""Boxes that overlap by so much are at the same place."""
+"""Boxes with at least this IoU are at the same place."""
 _STILL = 0.025
-"""Typical (median) shift of a sighting against the middle one, in heights. Someone who stands
-shifts their weight and turns by more; a detector's jitter on a still figure is about 0.01."""
+"""Median shift of a detection from the median box, in heights. A standing person sways and turns
+by more; a detector's jitter on a still figure is about 0.01."""
 
 
 def stationary(detections: Detections) -> Bool[np.ndarray, "n"]:
     """Which detections (n,) show something that stays in place through most of the clip.
 
-    Of a clip shorter than 45 s, or of fewer than 10 frames with detections, or without times,
-    nothing can be said: all False.
+    All False for a clip shorter than 45 s, with fewer than 10 frames with detections, or without
+    times, since it cannot be decided.
     """
     nothing = np.zeros(len(detections), bool)
     time, frame = detections.time_s, detections.frame
@@ -55,8 +55,8 @@ def stationary(detections: Detections) -> Bool[np.ndarray, "n"]:
 
 
 def _same_place(box_xyxy: Float[np.ndarray, "n 4"]) -> list[np.ndarray]:
-    """For every box, the rows of those that overlap it by an IoU of at least 0.7, and itself."""
-    # An IoU of s leaves no edge further off than (1 - s) / s of a box's longer side.
+    """For every box, the rows of those with an IoU of at least 0.7, including itself."""
+    # With an IoU of s, no edge is further off than (1 - s) / s of a box's longer side.
     side = np.maximum(box_xyxy[:, 2] - box_xyxy[:, 0], box_xyxy[:, 3] - box_xyxy[:, 1])
     radius = side * (1 - _MIN_IOU) / _MIN_IOU
     near = cKDTree(box_xyxy).query_ball_point(box_xyxy, radius, p=np.inf)

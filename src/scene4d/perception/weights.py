@@ -1,4 +1,4 @@
-"""The networks that are fetched when first needed: where they come from, and their hashes."""
+"""The networks that are downloaded when first needed: their sources and hashes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -87,13 +87,13 @@ WEIGHTS: tuple[Download, ...] = (
 )
 
 PEOPLE_WEIGHTS = ("yolox-tiny", "rtmpose-s")
-"""Names of the weights that finding people and their keypoints needs."""
+"""Names of the weights for detecting people and their keypoints."""
 
 
 def weight_path(
     name: str, *, progress: FetchProgress | None = None, weights: Sequence[Download] = WEIGHTS
 ) -> Path:
-    """Where the weight called ``name`` lies, fetched first if need be.
+    """Path of the weight called ``name``, downloaded first if necessary.
 
     Raises :class:`InputError` for an unknown name, else as :func:`.fetched`.
     """
@@ -110,7 +110,7 @@ def fetch_all(
     names: Sequence[str] | None = None,
     weights: Sequence[Download] = WEIGHTS,
 ) -> list[Path]:
-    """The weights called ``names`` (None: all), fetched where missing; raises as weight_path."""
+    """Paths of the weights ``names`` (None: all), downloaded if missing; raises as weight_path."""
     wanted = [w.name for w in weights] if names is None else names
     return [weight_path(name, progress=progress, weights=weights) for name in wanted]
 
@@ -118,13 +118,13 @@ def fetch_all(
 def missing_weights(
     *, names: Sequence[str] | None = None, weights: Sequence[Download] = WEIGHTS
 ) -> list[str]:
-    """Which of ``names`` (None: all) are not in the cache; looked up without reading the others."""
+    """Which of ``names`` (None: all) are not in the cache; the files are not read."""
     chosen = [w for w in weights if names is None or w.name in names]
     return [w.name for w in chosen if not (_folder() / w.file).is_file()]
 
 
 def list_weights(*, weights: Sequence[Download] = WEIGHTS) -> list[WeightStatus]:
-    """What is known and what is here, without fetching anything."""
+    """All known weights and whether they are in the cache; downloads nothing."""
     rows = []
     for w in weights:
         path = _folder() / w.file

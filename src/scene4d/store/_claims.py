@@ -1,4 +1,4 @@
-"""Who is writing which run: locks that the operating system takes back from a dead process."""
+"""Which process writes which run: locks that the operating system releases if it dies."""
 
 import os
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from scene4d.core.json_object import JsonObject
 
 @dataclass(frozen=True)
 class Claimed:
-    """What the writer of a run says of itself, as long as the run has not been written whole."""
+    """What the writer of a run states about it until the run is complete."""
 
     run: str
     camera: str
@@ -25,8 +25,8 @@ class Claimed:
 class Claim:
     """The right to write one run, held through a lock.
 
-    ``before`` is what an earlier attempt said, None for the first: the file stays where a run is
-    killed, so that its rerun counts its tracks from the same number.
+    ``before`` is the claim of an earlier attempt, None for the first: the file remains if a run is
+    killed, so that its rerun uses the same track numbers.
     """
 
     path: Path
@@ -35,7 +35,7 @@ class Claim:
 
     @classmethod
     def take(cls, path: Path, run: str) -> "Claim":
-        """Take the run; raises :class:`InputError` where another process has it."""
+        """Claim the run; raises :class:`InputError` if another process has it."""
         lock, before = FileLock(path.with_suffix(".lock"), timeout=0), read_claim(path)
         try:
             lock.acquire()
@@ -48,13 +48,13 @@ class Claim:
         return cls(path, lock, before)
 
     def write(self, run: str, camera: str, track_base: int) -> None:
-        """Say what is claimed; the scene is locked meanwhile."""
+        """Write the claim file; the caller holds the scene's lock."""
         said = {"run": run, "camera": camera, "track_base": track_base, "pid": os.getpid()}
         write_json(self.path, said)
 
     def release(self, *, done: bool) -> None:
-        """Let another process take it, and leave nothing of a run that is ``done``; the scene is
-        locked meanwhile.
+        """Release the run, and remove the files of the claim if it is ``done``; the caller holds
+        the scene's lock.
         """
         self.lock.release()
         if done:
@@ -63,8 +63,8 @@ class Claim:
 
 
 def claims(folder: Path, *, but: str) -> list[tuple[Claimed, bool]]:
-    """All claims in a scene's ``runs`` but one run's, each with whether its writer is alive; the
-    scene is locked meanwhile.
+    """All claims in a scene's ``runs`` except that of run ``but``, each with whether its writer is
+    alive; the caller holds the scene's lock.
     """
     found = []
     for path in sorted(folder.glob(".*.claim")):
@@ -85,7 +85,7 @@ def _is_locked(path: Path) -> bool:
 
 
 def read_claim(path: Path) -> Claimed | None:
-    """What a claim says; None where its writer was killed before it said anything."""
+    """The content of a claim; None if its writer was killed before writing it."""
     try:
         said = JsonObject.read(path)
         base, pid = (said.integer(name, least=0) for name in ("track_base", "pid"))

@@ -1,4 +1,4 @@
-"""What can be asked of a scene, checked, and the SQL that asks it."""
+"""Queries on a scene: checking them and turning them into SQL."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ _Rectangle = tuple[float | int, float | int, float | int, float | int]
 
 @dataclass(frozen=True)
 class Stored:
-    """A run in its folder; ``track_offset`` keeps the tracks of several folders apart."""
+    """A run in its folder; ``track_offset`` keeps track numbers of several folders distinct."""
 
     folder: Path
     run: Run
@@ -30,12 +30,12 @@ class Stored:
 
 
 class Question(TypedDict, total=False):
-    """What rows are asked for; what is left out, or None, asks for all.
+    """Filters for rows; a field that is missing or None does not filter.
 
-    ``begin`` (included) and ``end`` (not included) are moments with a time zone, or seconds from
-    the clip's start; ``classes``, ``cameras`` and ``tracks`` mean one of these; ``within_m`` is a
-    rectangle (x0, y0, x1, y1) on the ground with its edges; ``observed`` says whether seen or
-    bridged.
+    ``begin`` (inclusive) and ``end`` (exclusive) are moments with a time zone, or seconds from the
+    clip's start. ``classes``, ``cameras`` and ``tracks`` list the values to keep. ``within_m`` is a
+    rectangle (x0, y0, x1, y1) on the ground in metres, edges included. ``observed`` selects seen
+    (True) or bridged (False) rows.
     """
 
     begin: _Moment | None
@@ -48,7 +48,7 @@ class Question(TypedDict, total=False):
 
 
 def check_there(wanted: Sequence[str], there: Sequence[str] | dict[str, int], what: str) -> None:
-    """Raise :class:`InputError` where a name that is wanted is not there."""
+    """Raise :class:`InputError` if a requested name does not exist."""
     if isinstance(wanted, str):
         raise InputError(f"{what}: found the text {wanted!r}, expected a list of names")
     if not len(wanted):
@@ -59,7 +59,7 @@ def check_there(wanted: Sequence[str], there: Sequence[str] | dict[str, int], wh
 
 
 def check_range(begin: _Moment | None, end: _Moment | None) -> None:
-    """Raise :class:`InputError` for a range of time without an answer."""
+    """Raise :class:`InputError` for an invalid or empty time range."""
     for name, moment in (("begin", begin), ("end", end)):
         if isinstance(moment, datetime):
             if moment.tzinfo is None:
@@ -75,7 +75,7 @@ def check_range(begin: _Moment | None, end: _Moment | None) -> None:
 
 
 def reaches(run: Run, part: Part, begin: _Moment | None, end: _Moment | None) -> bool:
-    """Whether a part can have rows in a range of time."""
+    """Whether a part can have rows in a time range."""
     first, last = (
         _ns(moment) if isinstance(moment, datetime) else moment for moment in (begin, end)
     )
@@ -86,7 +86,7 @@ def reaches(run: Run, part: Part, begin: _Moment | None, end: _Moment | None) ->
 
 
 def conditions_of(asked: Question) -> list[str]:
-    """SQL for what is asked for; all of the conditions must hold."""
+    """SQL conditions of a query; all of them must hold."""
     conditions = []
     for sign, moment in ((">=", asked.get("begin")), ("<", asked.get("end"))):
         if isinstance(moment, datetime):
@@ -127,7 +127,7 @@ def source_of(parts: Sequence[tuple[Stored, Part]]) -> str:
 
 
 def with_nan(column: Any) -> str:
-    """A column as :func:`from_table` wants it."""
+    """SQL of a column as :func:`from_table` expects it."""
     name = name_sql(column.name)
     if column.name in KEYPOINT_COLUMNS:
         return (
@@ -139,22 +139,22 @@ def with_nan(column: Any) -> str:
 
 
 def name_sql(name: str) -> str:
-    """The name of a column."""
+    """A quoted column name."""
     return '"' + name.replace('"', '""') + '"'
 
 
 def text_sql(value: str) -> str:
-    """A text."""
+    """A quoted string."""
     return "'" + value.replace("'", "''") + "'"
 
 
 def _number(value: float | int) -> str:
-    """Through text, since 0.1 is a decimal number in SQL."""
+    """A number cast from text, because a literal 0.1 is a DECIMAL in SQL."""
     return f"'{float(value)!r}'::DOUBLE"
 
 
 def pattern_of(path: str) -> str:
-    """A path as the pattern that only it matches."""
+    """A glob pattern that matches only this path."""
     return "".join(f"[{c}]" if c in "[*?" else c for c in path)
 
 

@@ -1,10 +1,10 @@
-"""What a detector saw, chunk by chunk on disk, so that a killed run goes on where it stopped.
+"""Detections on disk, chunk by chunk, so that a killed run resumes where it stopped.
 
-    settings.json     what the detections are of, and what made them
+    settings.json     the source of the detections, and the settings that produced them
     00000.npz         detections (and appearance) of the first chunk of frames, and so on
-    finished.json     how many chunks there are, once there are no more
+    finished.json     the number of chunks, once all are written
 
-Detection takes hours where everything after it takes minutes: it is what a rerun must not repeat.
+Detection takes hours and everything after it minutes, so a rerun must not repeat it.
 """
 
 import io
@@ -34,11 +34,11 @@ _ABSENT = "nothing"
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What was seen in some successive frames (m,), all of those that were looked at, with their
-    times; ``detections`` are ordered by frame. ``appearance`` is what each of them looks like, None
-    where nobody knows.
+    """The detections in successive analysed frames (m,), with their times.
 
-    Raises :class:`InputError` where the parts do not belong together.
+    All analysed frames are listed, also those without a detection; ``detections`` are ordered by
+    frame. ``appearance`` holds one row per detection, None if unknown. Raises :class:`InputError`
+    if the parts are inconsistent.
     """
 
     frame: Int[np.ndarray, "m"]
@@ -58,7 +58,7 @@ class Look:
             raise InputError("detections: some are of a frame that was not looked at")
 
     def frames(self) -> Iterator[tuple[int, float, Int[np.ndarray, "k"]]]:
-        """Number and time of each frame, and which rows are of it."""
+        """Number, time and rows of each frame."""
         begins = np.searchsorted(self.detections.frame, self.frame)
         ends = np.searchsorted(self.detections.frame, self.frame, side="right")
         for frame, time_s, begin, end in zip(self.frame, self.time_s, begins, ends, strict=True):
@@ -66,12 +66,12 @@ class Look:
 
 
 class DetectionLog:
-    """The detections of one source under one set of settings, in a folder of their own.
+    """The detections of one source with one set of settings, in their own folder.
 
-    ``settings`` is all that they depend on (source and its size and date, frames per chunk,
-    detector, hashes of weights, software version), as JSON can hold it. Raises
-    :class:`InputError` where the folder holds detections under other settings, naming what
-    differs, and :class:`OutputError` where it cannot be written to.
+    ``settings`` is everything they depend on (source with size and date, frames per chunk,
+    detector, hashes of weights, software version), as JSON values. Raises :class:`InputError` if
+    the folder holds detections with other settings, naming the differences, and
+    :class:`OutputError` if it is not writable.
     """
 
     def __init__(self, folder: str | os.PathLike[str], settings: dict[str, Any]) -> None:
@@ -96,19 +96,19 @@ class DetectionLog:
 
     @property
     def complete(self) -> int:
-        """How many chunks are there from the first one on without a hole: the next to be seen."""
+        """Number of consecutive chunks from the first one on; the number of the next chunk."""
         return self._complete
 
     @property
     def finished(self) -> bool:
-        """Whether there are no more chunks to come."""
+        """Whether all chunks are written."""
         return self._finished_path.exists()
 
     def append(self, look: Look) -> None:
         """Write the next chunk, atomically.
 
-        Raises :class:`InputError` where the log is finished, and :class:`OutputError` where the
-        file cannot be written.
+        Raises :class:`InputError` if the log is finished, and :class:`OutputError` if the file
+        cannot be written.
         """
         if self.finished:
             raise InputError(f"{self._folder}: is finished, nothing can be added")
@@ -133,7 +133,7 @@ class DetectionLog:
         return (_read_chunk(self._path(chunk)) for chunk in range(self._complete))
 
     def finish(self) -> None:
-        """Say that there are no more chunks to come."""
+        """Mark the log as complete."""
         write_json(self._finished_path, {"chunks": self._complete})
 
     @property
@@ -155,7 +155,7 @@ class DetectionLog:
 
 
 def _check_settings(path: Path, settings: dict[str, Any], *, binding: bool) -> None:
-    """Refuse a log of another version, and other settings where anything was detected by them."""
+    """Reject a log of another version, or of other settings if it holds detections."""
     stored = read_json(path)
     schema = stored.get("schema") if isinstance(stored, dict) else None
     if schema != _LOG_SCHEMA:

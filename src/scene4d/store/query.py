@@ -1,7 +1,7 @@
-"""Reading scenes: DuckDB filters the Parquet files, and Arrow tables come back.
+"""Reading scenes: DuckDB filters the Parquet files and returns Arrow tables.
 
-Which files are read is decided by the manifests: the parts of complete runs, of the cameras and the
-time that are asked for. So a month of a busy camera is never loaded for the sake of a minute.
+The manifests decide which files are read: the parts of complete runs for the requested cameras and
+time. So a query for one minute never loads a month of a busy camera.
 """
 
 import hashlib
@@ -41,16 +41,16 @@ from scene4d.store.runs import Part, Run, camera_identity, camera_path, complete
 from scene4d.store.schema import COLUMN_NAMES, COLUMNS, KEYPOINT_COLUMNS, RUN_TRACKS, from_table
 
 _ALONE: dict[str, Any] = {
-    # Else DuckDB fetches from the network what a query seems to need, and variables from Python.
+    # Otherwise DuckDB downloads extensions that a query seems to need, and reads Python variables.
     "autoinstall_known_extensions": "false",
     "autoload_known_extensions": "false",
     "python_enable_replacements": "false",
 }
 
 _MOST_SHOWN = 4000
-"""Positions in a notebook's plan: more cannot be told apart."""
+"""Positions in a notebook's plan; more cannot be distinguished."""
 _Choice = Callable[[np.ndarray, np.ndarray], np.ndarray]
-"""Track and time of every row; answers the numbers of those wanted."""
+"""Takes track and time of every row, returns the numbers of the rows wanted."""
 _LEFT_OUT = {
     *("camera", "time", "class", "score", "shared_xx", "shared_xy", "shared_yy"),
     *KEYPOINT_COLUMNS,
@@ -58,12 +58,12 @@ _LEFT_OUT = {
 
 
 class Scene:
-    """Who was where and when, in one folder or many; nothing is loaded before it is asked for.
+    """The tracks in one or more scene folders; rows are loaded only when requested.
 
     :meth:`rows` and :meth:`tracks` take the fields of :class:`Question` as keywords. They raise
-    :class:`InputError` for what is not there (naming what is), for impossible ranges, and for a
-    part that cannot be read or is not as it was written. Tables come as Arrow, which pandas,
-    Polars, pyarrow and DuckDB take as they are; a scene itself is such a table of all its rows.
+    :class:`InputError` for a name that does not exist (listing those that do), an impossible
+    range, or a part that is unreadable or damaged. Tables are Arrow, which pandas, Polars, pyarrow
+    and DuckDB accept directly; a scene itself can be passed as the Arrow table of all its rows.
     """
 
     def __init__(self, stored: Sequence[Stored], part_of: "Scene | None" = None) -> None:
@@ -74,9 +74,9 @@ class Scene:
     def open(cls, *scenes: "str | os.PathLike[str] | Scene") -> "Scene":
         """The complete runs in these folders, or of these scenes.
 
-        Track numbers of the second folder and those behind it are raised, so that no two objects
-        share one. Raises :class:`InputError` where there is no scene, one of another version, no
-        row in all of them, or two calibrations under the name of one camera.
+        Track numbers of the second and later folders are offset, so that no two objects share a
+        number. Raises :class:`InputError` if there is no scene, a scene has another version, all
+        are empty, or one camera name has two calibrations.
         """
         if not scenes:
             raise InputError("no scene is given, expected at least one")
@@ -101,7 +101,7 @@ class Scene:
 
     @property
     def classes(self) -> dict[str, int]:
-        """The classes that are there, with their numbers of rows."""
+        """The classes in the scene, with their numbers of rows."""
         total: Counter[str] = Counter()
         for one in self._stored:
             total.update(one.run.classes)
@@ -113,7 +113,7 @@ class Scene:
         return tuple(one.run for one in self._stored)
 
     def only(self, run: str) -> "Scene":
-        """One of the runs, alone; raises :class:`InputError` for one that is not there."""
+        """A scene of one of the runs; raises :class:`InputError` for an unknown run."""
         check_there([run], [one.run.run for one in self._stored], "run")
         return Scene([one for one in self._stored if one.run.run == run], self)
 
@@ -121,15 +121,15 @@ class Scene:
         return sum(one.run.rows for one in self._stored)
 
     def camera_file(self, camera: str) -> Path:
-        """The calibration of a camera; raises :class:`InputError` for one that is not there."""
+        """The calibration file of a camera; raises :class:`InputError` for an unknown camera."""
         check_there([camera], self.cameras, "camera")
         folder = next(one.folder for one in self._stored if one.run.camera == camera)
         return camera_path(folder, camera)
 
     def rows(self, *, columns: Sequence[str] | None = None, **asked: Unpack[Question]) -> Table:
-        """An Arrow table of the rows, by run, then by part.
+        """An Arrow table of the matching rows, ordered by run, then by part.
 
-        ``columns`` names those wanted, in their order; see :mod:`scene4d.store.schema`.
+        ``columns`` names the columns wanted, in order; see :mod:`scene4d.store.schema`.
         """
         names = COLUMN_NAMES if columns is None else tuple(columns)
         check_there(names, COLUMN_NAMES, "column")
@@ -145,12 +145,13 @@ class Scene:
         return data_frame(self.rows(**asked))
 
     def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
-        """All rows, for any library that speaks Arrow's C interface."""
+        """All rows, for any library that supports Arrow's C stream interface."""
         return self.rows().__arrow_c_stream__(requested_schema)
 
     def paths(self, camera: str, most: int) -> dict[int, tuple[str, Float[np.ndarray, "n 2"]]]:
-        """Class and ground positions in order of time of a camera's tracks, for drawing: at most
-        about ``most`` positions, evenly thinned; the first and the last of a track always.
+        """Class and ground positions (m), in order of time, of a camera's tracks, for drawing.
+
+        Thinned evenly to about ``most`` positions; the first and last of each track are kept.
         """
         step = max(1, -(-len(self) // most))
         found = self.sql(
@@ -172,7 +173,7 @@ class Scene:
         }
 
     def track_counts(self) -> dict[str, int]:
-        """Numbers of tracks by class (the one that most rows have), the most frequent first."""
+        """Numbers of tracks by class (a track's most frequent one), the most frequent first."""
         found = self.sql(
             "SELECT class, count(*) AS n FROM (SELECT mode(class) AS class FROM scene "
             "GROUP BY track) GROUP BY class ORDER BY n DESC, class"
@@ -193,8 +194,8 @@ class Scene:
         return beside(said, "".join(plans))
 
     def lean_tracks(self, choose: _Choice) -> Tracks:
-        """All tracks without keypoints, scores and shared covariances, which take most of the room
-        and time; of their rows those that ``choose`` picks, in its order, of (track, time_s).
+        """All tracks without keypoints, scores and shared covariances, which take most memory and
+        time. Only the rows that ``choose(track, time_s)`` returns, in its order.
         """
         kinds = " ".join(f"WHEN {text_sql(name)} THEN {code}" for code, name in enumerate(CLASSES))
         names = [with_nan(column) for column in COLUMNS if column.name not in _LEFT_OUT]
@@ -205,12 +206,12 @@ class Scene:
         return from_table(table, choose(track, time_s))
 
     def sql(self, query: str) -> Table:
-        """What DuckDB answers to a SELECT on the view ``scene``, which has all rows.
+        """The result of a DuckDB SELECT on the view ``scene``, which has all rows.
 
         ``scene.sql("SELECT class, count(*) FROM scene GROUP BY class")``
 
-        A query reads nothing but the scene and writes nothing. Raises :class:`InputError` where
-        DuckDB refuses it.
+        A query reads only the scene and writes nothing. Raises :class:`InputError` if DuckDB
+        rejects it.
         """
         _check_select(query)
         parts = [(one, part) for one in self._stored for part in one.run.parts]
@@ -234,7 +235,7 @@ class Scene:
                 check_there(wanted, there, what)
         conditions = conditions_of(asked)
         parts = self._parts(asked)
-        if not parts:  # the types are those of any part
+        if not parts:  # any part gives the column types
             parts = next([(one, part)] for one in self._stored for part in one.run.parts)
             conditions.append("false")
         where = " AND ".join(conditions) or "true"
@@ -243,7 +244,7 @@ class Scene:
             return _in_utc(Table.from_arrow(cursor.sql(query)))
 
     def _parts(self, asked: Question) -> list[tuple[Stored, Part]]:
-        """The files that can hold an answer."""
+        """The files that can contain matching rows."""
         cameras, begin, end = asked.get("cameras"), asked.get("begin"), asked.get("end")
         stored = [one for one in self._stored if cameras is None or one.run.camera in cameras]
         if any(isinstance(moment, datetime) for moment in (begin, end)):
@@ -261,7 +262,7 @@ class Scene:
 
     @cached_property
     def _connection(self) -> Any:
-        if self._part_of is not None:  # starting another DuckDB takes longer than a small question
+        if self._part_of is not None:  # starting DuckDB takes longer than a small query
             return self._part_of._connection
         import duckdb
 
@@ -275,7 +276,7 @@ class Scene:
 
     @cached_property
     def _verified(self) -> set[Path]:
-        """The parts whose content was found to be what was written."""
+        """The parts whose content has been verified."""
         return set() if self._part_of is None else self._part_of._verified
 
     @contextmanager
@@ -289,12 +290,12 @@ class Scene:
         try:
             with self._connection.cursor() as cursor:
                 yield cursor
-        except (duckdb.Error, RuntimeError) as error:  # the latter where rows stop on their way
+        except (duckdb.Error, RuntimeError) as error:  # the latter if reading stops midway
             raise InputError(f"query: {error}") from error
 
 
 def _check_select(query: str) -> None:
-    """Raise :class:`InputError` for anything but one SELECT."""
+    """Raise :class:`InputError` for anything but a single SELECT."""
     import duckdb
 
     try:
@@ -321,13 +322,13 @@ def _check_cameras(stored: Sequence[Stored]) -> None:
         if told != calibration:
             raise InputError(
                 f"{path}: camera {one.run.camera!r} has another calibration in {first}; open these "
-                "folders apart"
+                "folders separately"
             )
 
 
 def _check_part(path: Path, run: Run, part: Part, *, known: bool) -> None:
-    """Raise :class:`InputError` where a part is not there, cannot be read or was changed; its
-    content is read only where it is not ``known`` to be right.
+    """Raise :class:`InputError` if a part is missing, unreadable or changed; its content is
+    checked only if it is not ``known`` to be right.
     """
     try:
         found = path.stat().st_size
@@ -354,7 +355,7 @@ def _check_part(path: Path, run: Run, part: Part, *, known: bool) -> None:
 
 
 def _in_utc(table: Table) -> Table:
-    """Times under the zone UTC, and not under the one of this computer."""
+    """Times in UTC, not in this computer's time zone."""
     utc = DataType.timestamp("ns", tz="UTC")
     for i, name in enumerate(table.column_names):
         kind = table.schema.field(name).type

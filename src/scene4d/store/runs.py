@@ -1,11 +1,11 @@
-"""How a scene lies in its folder, and what the manifest of a run says.
+"""The folder layout of a scene, and the manifest of a run.
 
     cameras/NAME.json                                     the camera's calibration
     tracks/camera=NAME/day=2009-06-01/RUN-00000.parquet   rows of that day (UTC), sorted by time
     runs/RUN.json                                         the manifest: which parts are this run
     runs/.RUN.claim, runs/.RUN.lock, runs/.RUN/           of a run that is being written
 
-A run without a manifest does not exist: readers take the parts that manifests name, and no others.
+A run without a manifest does not exist: readers use only the parts that manifests name.
 """
 
 import hashlib
@@ -22,18 +22,18 @@ from scene4d.core.json_object import JsonObject
 from scene4d.store.schema import COLUMNS, SCENE_SCHEMA, time_ns
 
 _LONGEST = 200
-"""Bytes of a name in a path: file systems take 255, and endings are added to it."""
+"""Bytes of a name in a path: file systems allow 255, and suffixes are added to it."""
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 _MOST_NS = 2**63
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def file_name(name: str, what: str) -> str:
-    """A name as part of a path, percent-encoded as Hive partitions are: ``a/b`` is ``a%2Fb``.
+    """A name as part of a path, percent-encoded like Hive partitions: ``a/b`` is ``a%2Fb``.
 
-    What is left of a long name is made distinct by its hash, and is longer than any name that is
-    not shortened, so that the two never clash. Raises :class:`InputError` for an empty name or one
-    with control characters.
+    A long name is shortened and gets its hash appended; the result is longer than any name that is
+    not shortened, so the two never clash. Raises :class:`InputError` for an empty name or one with
+    control characters.
     """
     if not name or any(ord(c) < 32 or ord(c) == 127 for c in name):
         raise InputError(f"{what} {name!r}: expected a name without control characters")
@@ -41,7 +41,7 @@ def file_name(name: str, what: str) -> str:
         encoded = quote(name, safe="")
     except UnicodeEncodeError as error:
         raise InputError(f"{what} {name!r}: is not Unicode text") from error
-    # Hidden files, parents, and the devices of Windows; "~" stays as it is anywhere else.
+    # Hidden files, parent folders, and Windows device names; "~" is kept elsewhere.
     if encoded[0] in ".~" or _DEVICES.fullmatch(encoded):
         encoded = f"%{ord(encoded[0]):02X}{encoded[1:]}"
     if len(encoded) > _LONGEST:
@@ -52,9 +52,9 @@ def file_name(name: str, what: str) -> str:
 
 @dataclass(frozen=True)
 class Part:
-    """One Parquet file of a run: its path below the scene's folder, and what is in it.
+    """One Parquet file of a run: its path below the scene's folder, and its content.
 
-    ``sha256`` is that of the file; None in scenes of version 0.1, whose parts are not verified.
+    ``sha256`` is the file's hash; None in scenes of version 0.1, whose parts are not verified.
     """
 
     path: str
@@ -69,9 +69,9 @@ class Part:
 class Run:
     """The manifest of one run over one camera's footage.
 
-    ``start_ns`` counts from 1970 in UTC, 0 where ``start_known`` is false; the parts' times are
-    seconds from that start, the last one included. Track numbers begin at ``track_base``.
-    ``classes`` counts rows, ``keypoints`` is the number of keypoints of a row.
+    ``start_ns`` is nanoseconds since 1970 in UTC, 0 if ``start_known`` is false. The parts' times
+    are seconds from that start, end included. Track numbers begin at ``track_base``. ``classes``
+    counts rows per class, ``keypoints`` is the number of keypoints per row.
     """
 
     run: str
@@ -88,13 +88,13 @@ class Run:
 
     @property
     def span_s(self) -> tuple[float, float] | None:
-        """Times of the first and of the last row; None where there are none."""
+        """Times of the first and last row; None if there are none."""
         if not self.parts:
             return None
         return min(part.begin_s for part in self.parts), max(part.end_s for part in self.parts)
 
     def to_dict(self) -> dict[str, Any]:
-        """What the manifest says, as JSON."""
+        """The manifest's content for JSON."""
         begin, end = (_iso(self.moment_ns(s)) for s in self.span_s) if self.span_s else (None, None)
         readable = {
             "schema": SCENE_SCHEMA,
@@ -111,7 +111,7 @@ class Run:
 
     @classmethod
     def load(cls, path: Path) -> "Run":
-        """A manifest; raises :class:`InputError` naming the field that is missing or wrong."""
+        """Read a manifest; raises :class:`InputError` naming a missing or wrong field."""
         said = JsonObject.read(path, SCENE_SCHEMA)
         classes = said.object("classes")
         start_ns = said.value("start_ns")
@@ -153,12 +153,12 @@ def _part(said: JsonObject) -> Part:
 
 
 def manifest_path(folder: Path, run: str) -> Path:
-    """Where the manifest of a run lies."""
+    """Path of a run's manifest."""
     return folder / "runs" / f"{file_name(run, 'run')}.json"
 
 
 def camera_path(folder: Path, camera: str) -> Path:
-    """Where the calibration of a camera lies."""
+    """Path of a camera's calibration."""
     return folder / "cameras" / f"{file_name(camera, 'camera')}.json"
 
 
@@ -170,12 +170,12 @@ def camera_identity(calibration: Any) -> Any:
 
 
 def rows_folder(folder: Path, camera: str) -> Path:
-    """Where the rows of a camera lie: nothing but Parquet files is below ``tracks``."""
+    """Folder of a camera's rows; ``tracks`` contains only Parquet files."""
     return folder / "tracks" / f"camera={file_name(camera, 'camera')}"
 
 
 def complete_runs(folder: Path) -> tuple[Run, ...]:
-    """The runs of a scene, in the order of their track numbers; none where there is no scene."""
+    """The runs of a scene, in the order of their track numbers; none if there is no scene."""
     try:
         paths = [path for path in (folder / "runs").iterdir() if path.suffix == ".json"]
     except (FileNotFoundError, NotADirectoryError):

@@ -1,8 +1,8 @@
-"""What the columns of a scene are, and how :class:`~scene4d.core.tracks.Tracks` become them.
+"""The columns of a scene, and their conversion from :class:`~scene4d.core.tracks.Tracks`.
 
-The files hold no NaN: what is not known is null, so that ``avg``, ``min`` and ``count`` of any SQL
-engine, and the statistics by which readers skip row groups, mean what they say. Floats are stored
-as they are (float64), keypoints as float32, which is 0.0003 pixels in a picture 4096 wide.
+The files hold no NaN: unknown values are null, so that ``avg``, ``min`` and ``count`` of any SQL
+engine, and the statistics by which readers skip row groups, are correct. Floats are stored as
+float64, keypoints as float32, which resolves 0.0003 pixels in an image 4096 wide.
 """
 
 import io
@@ -18,9 +18,9 @@ from scene4d.core.errors import InputError
 from scene4d.core.tracks import CLASSES, Tracks
 
 SCENE_SCHEMA = "scene4d/scene/1"
-"""Name and version of what is written here, and the only one that is read."""
+"""Name and version of the format written here, and the only one that is read."""
 RUN_TRACKS = 10**9
-"""Track numbers that a run has for itself: the n-th run of a scene begins at n times this."""
+"""Track numbers reserved for each run: the n-th run of a scene begins at n times this."""
 _ROWS_PER_GROUP = 32_768
 """Rows that Parquet readers can skip at once."""
 LONGEST_S = 2e9
@@ -71,8 +71,8 @@ COLUMNS: tuple[Column, ...] = (
     Column("observed", "bool", "", nullable=False),
 )
 """The columns of a scene, in order. ``var_`` is the independent part of a covariance, ``shared_``
-what the camera's own error adds to every row. ``time`` is UTC, counted from 1970-01-01 where the
-footage's start is not known. Positions are on the ground in the camera's metres, Z up."""
+the part due to calibration error, common to all rows. ``time`` is UTC, counted from 1970-01-01 if
+the footage's start is unknown. Positions are on the ground in the camera's metres, Z up."""
 COLUMN_NAMES: tuple[str, ...] = tuple(column.name for column in COLUMNS)
 KEYPOINT_COLUMNS: tuple[str, ...] = ("keypoint_u", "keypoint_v", "keypoint_score")
 
@@ -83,7 +83,7 @@ def _arrow_type(column: Column) -> DataType:
         "int64": DataType.int64(),
         "float64": DataType.float64(),
         "bool": DataType.bool(),
-        # 32 bits: what pyarrow makes of the folder camera=NAME, or else it refuses the file.
+        # 32 bits, as pyarrow infers from the folder camera=NAME; otherwise it rejects the file.
         "dictionary<int32, string>": DataType.dictionary(DataType.int32(), DataType.utf8()),
         "timestamp[ns, UTC]": DataType.timestamp("ns", tz="UTC"),
         "list<float32>": DataType.list(Field("element", DataType.float32(), nullable=True)),
@@ -93,7 +93,7 @@ def _arrow_type(column: Column) -> DataType:
 
 def time_ns(time_s: Float[np.ndarray, "n"], start_ns: int) -> np.ndarray:
     """Nanoseconds since 1970 of seconds from the clip's start, (n,) int64."""
-    whole = np.floor(time_s)  # apart, since 1e9 s in ns no longer fit a float
+    whole = np.floor(time_s)  # separate, since 1e9 s in ns does not fit a float
     parts = np.rint((time_s - whole) * _NS).astype(np.int64)
     total: np.ndarray = start_ns + whole.astype(np.int64) * _NS + parts
     return total
@@ -114,10 +114,10 @@ def check_tracks(tracks: Tracks) -> None:
 
 
 def to_table(tracks: Tracks, *, camera: str, start_ns: int, track_base: int) -> Table:
-    """Arrow columns of checked tracks: :data:`COLUMNS`, with null wherever there is NaN.
+    """Arrow columns of checked tracks: :data:`COLUMNS`, with null for NaN.
 
     ``track_base`` is added to the track numbers. Keypoints are null where a row has none: no
-    place known and no score above 0.
+    position known and no score above 0.
     """
     n = len(tracks)
     nulls = _Nulls()
@@ -132,7 +132,7 @@ def to_table(tracks: Tracks, *, camera: str, start_ns: int, track_base: int) -> 
     for name, values in _floats(tracks).items():
         columns[name] = nulls.put(np.ascontiguousarray(values, np.float64))
     columns |= _keypoints(tracks)
-    # Types by cast: numpy knows neither time zones nor dictionaries.
+    # Types by cast: NumPy has neither time zones nor dictionaries.
     typed = {c.name: columns[c.name].cast(_arrow_type(c)) for c in COLUMNS}
     return Table.from_pydict(typed)
 
@@ -140,7 +140,7 @@ def to_table(tracks: Tracks, *, camera: str, start_ns: int, track_base: int) -> 
 def to_parquet(tracks: Tracks, *, camera: str, start_ns: int, track_base: int) -> bytes:
     """The Parquet file of checked tracks; see :func:`to_table`."""
     table = to_table(tracks, camera=camera, start_ns=start_ns, track_base=track_base)
-    # Bytes of equal weight together: zstd packs floats better so.
+    # Bytes of equal significance together: zstd compresses floats better this way.
     names: list[Any] = [c.name for c in COLUMNS if c.type == "float64"]
     names += [(name, "list", "element") for name in KEYPOINT_COLUMNS]
     buffer = io.BytesIO()
@@ -157,13 +157,13 @@ def to_parquet(tracks: Tracks, *, camera: str, start_ns: int, track_base: int) -
 
 
 def as_stored(tracks: Tracks) -> Tracks:
-    """Keypoints in the precision of the files: half the memory, and half the copying."""
+    """Keypoints in the precision of the files: half the memory and copying."""
     uv, score = tracks.keypoint_uv.astype(np.float32), tracks.keypoint_score.astype(np.float32)
     return replace(tracks, keypoint_uv=uv, keypoint_score=score)
 
 
 def with_keypoints(tracks: Tracks, k: int) -> Tracks:
-    """Rows without a skeleton as rows of one with ``k`` keypoints that are not seen."""
+    """Give rows without a skeleton ``k`` unseen keypoints."""
     n = len(tracks)
     if tracks.keypoint_uv.shape[1] == k:
         return tracks
@@ -172,13 +172,13 @@ def with_keypoints(tracks: Tracks, k: int) -> Tracks:
 
 
 def from_table(table: Table, rows: Int[np.ndarray, "m"] | None = None) -> Tracks:
-    """Tracks of Arrow columns in which NaN stands for null again, and no list is null: of the given
-    rows in their order, or of all.
+    """Tracks from Arrow columns in which null is already replaced by NaN, and no list is null: of
+    the given rows in their order, or of all.
 
-    What a table leaves out (shared covariances, scores, keypoints) is unknown. ``class`` may be
-    the class's place in :data:`CLASSES`. Raises :class:`InputError` where rows have different
-    skeletons. A row without keypoints gets NaN for their places and 0 for their scores, covariances
-    are symmetric.
+    Columns missing from the table (shared covariances, scores, keypoints) are unknown. ``class``
+    may be the index in :data:`CLASSES`. A row without keypoints gets NaN for their positions and 0
+    for their scores; covariances are symmetric. Raises :class:`InputError` if rows have different
+    skeletons.
     """
     taken: Any = slice(None) if rows is None else rows
     n = table.num_rows if rows is None else len(rows)
@@ -224,7 +224,7 @@ def from_table(table: Table, rows: Int[np.ndarray, "m"] | None = None) -> Tracks
 
 
 def _class_names(table: Table, taken: Any) -> np.ndarray:
-    """The classes, in no more room than those that occur need."""
+    """The class names, with a string width that just fits those that occur."""
     column = table["class"]
     if column.type != DataType.int8():
         return np.array(column.to_pylist(), dtype=str)[taken]
@@ -256,10 +256,10 @@ def _floats(tracks: Tracks) -> dict[str, np.ndarray]:
 
 
 class _Nulls:
-    """Puts null where there is NaN.
+    """Replaces NaN by null.
 
-    arro3 makes no nulls of NumPy arrays, but two of its kernels together do: casting NaN to an
-    integer gives null, and taking the row number null gives null.
+    arro3 cannot make nulls from NumPy arrays directly, but two of its kernels together can:
+    casting NaN to an integer gives null, and taking the row number null gives null.
     """
 
     def __init__(self) -> None:
@@ -271,7 +271,7 @@ class _Nulls:
         column = Array.from_numpy(values)
         if not missing.any():
             return column
-        # Columns that belong together miss the same rows.
+        # Related columns miss the same rows.
         if self._rows is None or not np.array_equal(missing, self._missing):
             rows = np.where(missing, np.nan, np.arange(len(values)))
             self._missing, self._rows = missing, Array.from_numpy(rows).cast(DataType.uint32())

@@ -1,10 +1,10 @@
 """Writing a scene: tracks in, Parquet files out.
 
-Parts are made out of sight in ``runs/.RUN/``, moved to their places when the run is committed, and
-count from the moment the manifest names them; what they replace is removed after that. A run killed
-at any moment therefore leaves the scene as it was at the last commit: recorded footage is committed
-once, at its end, a stream again and again. Readers that ignore manifests can see rows twice while a
-commit is moved into place.
+Parts are written to the hidden folder ``runs/.RUN/``, moved into place when the run is committed,
+and count once the manifest names them; the files they replace are removed after that. A run killed
+at any moment therefore leaves the scene as it was at the last commit. Recorded footage is committed
+once, at its end; a stream repeatedly. Readers that ignore manifests can see rows twice during a
+commit.
 """
 
 import hashlib
@@ -48,23 +48,23 @@ from scene4d.store.schema import (
 )
 
 _ROWS_PER_PART = 131_072
-"""Rows that are held in memory before they become a file: about 70 MB with keypoints."""
+"""Rows held in memory before they are written to a file: about 70 MB with keypoints."""
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _YEARS = (1900, 2200)  # what nanoseconds in 64 bits can hold, with room for the footage
 
 
 class SceneWriter:
-    """Writes the tracks of one run into a scene, which other processes may write to at once.
+    """Writes the tracks of one run into a scene; other processes may write to it concurrently.
 
-    ``folder`` is the scene, made where missing; ``run`` names what is written, so that the same
-    run again replaces it. ``start_utc`` is the moment of the clip's start; None where unknown,
-    and then time counts from 1970-01-01. ``camera_json`` is the camera's calibration, the same
-    for all runs of a camera. ``provenance`` (source, settings, hashes of weights) goes into the
-    manifest. Use it in a ``with`` block: leaving it closes the run, an exception abandons it.
+    ``folder`` is the scene, created if missing; ``run`` is the run's name: writing a run of the
+    same name replaces it. ``start_utc`` is the time of the clip's start; None if unknown, and then
+    time counts from 1970-01-01. ``camera_json`` is the camera's calibration, the same for all runs
+    of a camera. ``provenance`` (source, settings, hashes of weights) goes into the manifest. Use
+    it in a ``with`` block: leaving the block closes the run, an exception abandons it.
 
-    Raises :class:`InputError` for names that cannot be used, a start without time zone, another
-    calibration under the same camera's name, and a run that another process is writing;
-    :class:`OutputError` where the folder cannot be written to.
+    Raises :class:`InputError` for unusable names, a start without a time zone, another calibration
+    under the same camera name, or a run that another process is writing; :class:`OutputError` if
+    the folder is not writable.
     """
 
     def __init__(
@@ -96,15 +96,15 @@ class SceneWriter:
         self._rows_per_part = _ROWS_PER_PART
         self._buffer: list[Tracks] = []
         self._buffered = 0
-        self._staged: list[_Staged] = []  # full parts that are not in their places yet
-        self._placed: list[Part] = []  # full parts that are
+        self._staged: list[_Staged] = []  # full parts not yet in place
+        self._placed: list[Part] = []  # full parts in place
         self._classes: Counter[str] = Counter()  # of both
         self._next_part = 0
-        self._dirty = True  # the manifest does not say what was written
+        self._dirty = True  # the manifest does not yet cover what was written
         self._committed = False
         self._claim: Claim | None = None
         calibration = _as_json(camera_json, "camera_json")
-        camera_path(self._folder, camera)  # refuses names before anything is made
+        camera_path(self._folder, camera)  # rejects bad names before anything is created
         with _writing(self._folder):
             self._staging.parent.mkdir(parents=True, exist_ok=True)
             with self._scene_locked():
@@ -121,14 +121,14 @@ class SceneWriter:
 
     @property
     def track_base(self) -> int:
-        """What is added to this run's track numbers, so that they are the scene's own."""
+        """Offset of this run's track numbers that makes them unique in the scene."""
         return self._run.track_base
 
     def write(self, tracks: Tracks) -> None:
-        """Take rows, in any order and any number of times; memory stays bounded.
+        """Add rows, in any order and any number of times; memory stays bounded.
 
-        Raises :class:`InputError` for classes, times and track numbers that a scene cannot hold
-        and for another skeleton than before; :class:`OutputError` where a file cannot be written.
+        Raises :class:`InputError` for classes, times and track numbers that a scene cannot hold,
+        or if the skeleton changes; :class:`OutputError` if a file cannot be written.
         """
         if self._claim is None:
             raise InputError(f"{self._folder}: run {self._run.run!r} is closed already")
@@ -143,7 +143,7 @@ class SceneWriter:
             )
         self._run = replace(self._run, keypoints=max(k, self._run.keypoints))
         self._dirty = True
-        # Cut in the order of arrival, so that the files do not depend on how rows are handed over.
+        # Split in the order of arrival, so that the files do not depend on how calls are batched.
         begin = 0
         while begin < len(tracks):
             end = min(len(tracks), begin + self._rows_per_part - self._buffered)
@@ -155,11 +155,10 @@ class SceneWriter:
                 self._flush()
 
     def commit(self) -> None:
-        """Make what was written so far a part of the scene, and go on.
+        """Add everything written so far to the scene; the run stays open.
 
-        The last part of a run stays open: it is written again, with the rows that have come, until
-        it is full. Raises :class:`OutputError` where a file cannot be written; the scene is as it
-        was then.
+        The last part of a run is rewritten with its new rows at each commit until it is full.
+        Raises :class:`OutputError` if a file cannot be written; the scene is then unchanged.
         """
         if not self._dirty:
             return
@@ -182,9 +181,9 @@ class SceneWriter:
             self._sweep()
 
     def close(self) -> None:
-        """Commit, and let go of the run; twice does no harm.
+        """Commit, and release the run; may be called twice.
 
-        Raises :class:`OutputError` where a file cannot be written; the scene is as it was then.
+        Raises :class:`OutputError` if a file cannot be written; the scene is then unchanged.
         """
         if self._claim is None:
             return
@@ -196,7 +195,7 @@ class SceneWriter:
         self.abandon()
 
     def abandon(self) -> None:
-        """Let go of the run, and leave the scene as it was at the last commit."""
+        """Release the run, and leave the scene as it was at the last commit."""
         claim, self._claim = self._claim, None
         if claim is None:
             return
@@ -208,7 +207,7 @@ class SceneWriter:
             claim.release(done=False)
 
     def _begin(self, calibration: dict[str, Any]) -> Claim:
-        """Take the run, its track numbers and its camera; the scene is locked meanwhile."""
+        """Claim the run, its track numbers and its camera; the caller holds the scene's lock."""
         runs = complete_runs(self._folder)
         own = next((run for run in runs if run.run == self._run.run), None)
         if own is not None and own.camera != self._run.camera:
@@ -229,7 +228,7 @@ class SceneWriter:
             self._sweep()
             shutil.rmtree(self._staging, ignore_errors=True)
             self._staging.mkdir()
-            # Beside the parts that are to be replaced, never over them.
+            # New numbers: the parts to be replaced are never overwritten.
             self._next_part = max((number for number, _ in self._own_parts()), default=-1) + 1
         except BaseException:
             claim.release(done=False)
@@ -302,14 +301,14 @@ class SceneWriter:
         return staged.part
 
     def _own_parts(self) -> list[tuple[int, Path]]:
-        """The parts in place that bear this run's name, with their numbers."""
+        """The parts in place that have this run's name, with their numbers."""
         ours = re.compile(re.escape(self._file_name) + r"-(\d{5,})\.parquet")
         paths = self._folder.glob(f"tracks/camera=*/day=*/{self._file_name}-*.parquet")
         matches = ((ours.fullmatch(path.name), path) for path in paths)
         return [(int(match[1]), path) for match, path in matches if match]
 
     def _sweep(self) -> None:
-        """Remove what this run left unfinished, and what its manifest no longer names."""
+        """Remove this run's unfinished files and those its manifest no longer names."""
         manifest = manifest_path(self._folder, self._run.run)
         named = {part.path for part in Run.load(manifest).parts} if manifest.exists() else set()
         for _, path in self._own_parts():
@@ -323,13 +322,13 @@ class SceneWriter:
                 path.unlink()
 
     def _scene_locked(self) -> FileLock:
-        """The lock under which a scene is looked over, for a few milliseconds."""
+        """The scene's lock, held for a few milliseconds at a time."""
         return FileLock(self._staging.with_name(".lock"))
 
 
 @dataclass(frozen=True)
 class _Staged:
-    """A part that is written to ``file``, and not in its place yet."""
+    """A part that is written to ``file`` and not yet in place."""
 
     file: Path
     part: Part
@@ -356,7 +355,7 @@ def _start_ns(start_utc: datetime | None) -> int:
 
 
 def _as_json(values: dict[str, Any], what: str) -> dict[str, Any]:
-    """As it will be read again; told now, and not when hours of work are to be closed."""
+    """The values as they will be read back; fails now and not after hours of work."""
     try:
         return json.loads(json.dumps(values, allow_nan=False))
     except (TypeError, ValueError) as error:

@@ -1,10 +1,10 @@
-"""Which sightings of successive frames are the same person or vehicle, decided on the ground.
+"""Data association on the ground: which detections in successive frames are the same object.
 
-In metres people keep their distance, walk at known speeds and do not jump, whatever the camera's
-angle; the image adds the size of the box and the colours of the clothes. Every pair of track and
-sighting costs -2 log of its likelihood ratio against an unrelated sighting, and each frame is one
-assignment of least cost (Blackman and Popoli, "Design and Analysis of Modern Tracking Systems",
-1999, section 6.4).
+In ground coordinates (metres) people keep apart, walk at known speeds and do not jump, whatever
+the camera angle; the image adds the box size and the colours of the clothes. Each pair of track
+and detection costs -2 log of its likelihood ratio against an unrelated detection, and each frame
+is a minimum-cost assignment (Blackman and Popoli, "Design and Analysis of Modern Tracking
+Systems", 1999, section 6.4).
 """
 
 from dataclasses import dataclass, fields, replace
@@ -29,54 +29,55 @@ from scene4d.tracking._motion_model import (
 
 # Chosen by hand with the settings below.
 _STAYS_S = 1.0
-"""How long something slow may go on moving once it is out of sight."""
+"""A slow object is assumed to keep moving for this long after it goes out of sight."""
 _DRIFT_S = 0.5
-"""The speed in the image is averaged over so long: about one step of a walker."""
+"""Averaging time of the speed in the image: about one walking step."""
 _MEAN_HIDDEN = 3.0
-"""So many times shorter than its memory something is hidden on average: e^-3 is 5 %."""
+"""Ratio of a track's memory to the mean time for which it is hidden: e^-3 is 5 %."""
 _NEW_SHARE = 0.2
-"""Share of a new sighting in a track's height and colours: five sightings, half a second."""
+"""Weight of a new detection in a track's height and colours: averages about five detections,
+half a second."""
 
 
 @dataclass(frozen=True)
 class AssociationSettings:
-    """What association takes for granted; costs are -2 log likelihood ratios.
+    """Assumptions of the association; costs are -2 log likelihood ratios.
 
     All are round numbers chosen by hand; ``python -m benchmarks.tracking`` scores the result on
-    PETS S2L1. ``size_sigma`` was raised from 0.1 after a look at these scores: boxes of Faster
-    R-CNN jitter by that much.
+    PETS S2L1. ``size_sigma`` was raised from 0.1 after a look at these scores: Faster R-CNN boxes
+    jitter by that much.
     """
 
     memory_s: float = 3.0
-    """A track unseen for longer ends ..."""
+    """A track ends when it is not seen for longer than this."""
     standing_memory_s: float = 600.0
-    """... unless it is a vehicle that stood: passers-by hide it for minutes."""
+    """The same for a standing vehicle, which passers-by can hide for minutes."""
     standing_mps: float = 0.5
-    """What was slower than this when last seen, and is not seen for over a second, is expected
-    where it stood."""
+    """An object slower than this when last seen, and unseen for over a second, is expected where
+    it stopped."""
     settled_s: float = 2.0
-    """A track must have been seen for this long to be called standing."""
+    """A track must have been seen for this long to count as standing."""
     unrelated_per_m2: float = 1e-4
-    """Density of sightings of something else or of nothing, per frame and m²."""
+    """Density of false or unrelated detections, per frame and m²."""
     gate: float = 4.0
-    """Furthest from the predicted position, standard deviations."""
+    """Largest distance from the predicted position, in standard deviations."""
     size_sigma: float = 0.2
-    """Jitter of the logarithm of a box's height against the track's mean, and ..."""
+    """Jitter of the logarithm of a box's height about the track's mean."""
     size_drift: float = 0.2
-    """... its change per second."""
+    """Change of that logarithm per second."""
     colour_sigma: float = 0.15
     """Hellinger distance between colours of one object."""
     opinion_limit: float = 9.0
-    """Size, and colour, say at most this much against a match: boxes are cut by obstacles."""
+    """Largest cost that size, and likewise colour, can add: obstacles cut boxes."""
     image_sigma: float = 0.1
-    """Where there is no ground point: jitter of a box's foot, in heights of the box, and ..."""
+    """Without a ground point: jitter of the box's foot, in box heights."""
     image_speed: float = 0.7
-    """... how fast it moves, heights per second."""
+    """Without a ground point: speed of the box's foot, in box heights per second."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Sightings:
-    """One frame; ``colour`` has no columns where colours are not known."""
+    """Detections of one frame; ``colour`` is NaN where unknown."""
 
     kind: np.ndarray  # (n,) class number
     known: np.ndarray  # (n,) has a ground point
@@ -113,9 +114,9 @@ class _Tracks:
 
 
 class GroundTracker:
-    """Gives the detections of successive frames track numbers, counted from 0; streaming.
+    """Assigns track numbers, from 0, to the detections of successive frames; streaming.
 
-    It holds the tracks in view, and vehicles that stood there within ``standing_memory_s``.
+    Holds the tracks in view and the vehicles that stood there within ``standing_memory_s``.
     """
 
     def __init__(self, settings: AssociationSettings | None = None) -> None:
@@ -137,11 +138,11 @@ class GroundTracker:
     ) -> Int[np.ndarray, "n"]:
         """Track numbers (n,) of the detections of one frame; every row gets one.
 
-        ``located`` says where they stand; rows without a ground point are associated by the image
-        alone. ``appearance`` are histograms that each sum to 1, NaN where not known. Frames may be
-        any time apart; the order of the rows decides nothing. Raises
-        :class:`InputError` where time is not finite or does not rise, tables differ in length,
-        boxes are not finite or empty, or a class is none that a scene holds.
+        ``located`` holds their ground positions; rows without one are associated in the image
+        alone. ``appearance`` holds histograms that each sum to 1, NaN where unknown. Frames may be
+        any time apart; the order of the rows does not matter. Raises :class:`InputError` if the
+        time is not finite or does not increase, tables differ in length, a box is empty or not
+        finite, or a scene cannot hold a class.
         """
         if not (np.isfinite(time_s) and time_s > self._time_s):
             raise InputError(
@@ -248,7 +249,7 @@ def _patience(t: _Tracks, s: AssociationSettings) -> np.ndarray:
 
 
 def _in_picture(t: _Tracks, image_size: tuple[int, int], time_s: float) -> np.ndarray:
-    """False for those whose box was on its way out of the picture and has had the time to go."""
+    """Whether the predicted middle of the box is still inside the image."""
     dt = (time_s - t.seen_s)[:, None]
     middle = t.foot - np.column_stack([np.zeros(len(t.height)), t.height / 2])
     middle = middle + t.drift * dt
@@ -258,7 +259,7 @@ def _in_picture(t: _Tracks, image_size: tuple[int, int], time_s: float) -> np.nd
 
 
 def _predicted(t: _Tracks, time_s: float, s: AssociationSettings) -> tuple[np.ndarray, np.ndarray]:
-    """States and covariances now."""
+    """States and covariances predicted for ``time_s``."""
     dt = time_s - t.located_s
     waits = _standing(t, s) & (dt > _STAYS_S)
     dt = np.where(waits, _STAYS_S, dt)
@@ -282,7 +283,7 @@ def _costs(
     time_s: float,
     s: AssociationSettings,
 ) -> Float[np.ndarray, "t n"]:
-    """-2 log likelihood ratios; infinite where it cannot be."""
+    """-2 log likelihood ratios; infinite where a match is impossible."""
     dt = (time_s - t.seen_s)[:, None]
     ground, image = _on_ground(state, covariance, seen), _in_image(t, seen, dt, s)
     both = t.known[:, None] & seen.known
@@ -313,7 +314,7 @@ def _on_ground(
 def _in_image(
     t: _Tracks, seen: _Sightings, dt: np.ndarray, s: AssociationSettings
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same by the foot of the box, with a person's height for the box's: metres."""
+    """The same from the foot of the box; a box height counts as a person's height in metres."""
     expected = t.foot[:, None] + t.drift[:, None] * dt[..., None]
     away = (seen.foot - expected) / t.height[:, None, None]
     variance = s.image_sigma**2 + (s.image_speed * dt) ** 2
@@ -323,13 +324,15 @@ def _in_image(
 
 
 def _hellinger2(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Squared Hellinger distance; 0 where a histogram is not known."""
+    """Squared Hellinger distance; 0 where a histogram is unknown."""
     apart: np.ndarray = 1 - np.sqrt(a * b).sum(axis=-1)
     return np.clip(np.nan_to_num(apart, nan=0.0), 0, 1)
 
 
 def _assigned(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and columns of the cheapest assignment; pairs that explain nothing stay apart."""
+    """Rows and columns of the minimum-cost assignment; pairs that do not lower the cost stay
+    unmatched.
+    """
     gain = np.minimum(cost, 0.0)
     rows, columns = linear_sum_assignment(gain)
     good = gain[rows, columns] < 0
@@ -345,7 +348,7 @@ def _correct(
     columns: np.ndarray,
     time_s: float,
 ) -> None:
-    """Take the matched sightings in."""
+    """Update the tracks in place with the matched detections."""
     dt = (time_s - t.seen_s[rows])[:, None]
     share = -np.expm1(-dt / _DRIFT_S)
     moved = (seen.foot[columns] - t.foot[rows]) / dt

@@ -1,20 +1,20 @@
-"""Where people stand: feet, head and box, weighed by what each can know.
+"""Ground positions of people from feet, head and box, weighted by their information.
 
-A person has two ends. The lower one stands on the ground: both feet, else one foot, else the
-bottom of the box, which touches the near rim of a cylinder around the body's axis. The upper one
-lies at the person's height: the top of the head, else the top of the box, which is tangent to the
-head's sphere. The keypoints of the feet and the bottom of the same box err together (on PETS
-their errors correlate by 0.8), so the better one alone stands for its end. Where keypoints show
-a head and no foot the legs are hidden, and the bottom of the box is no end (on PETS 0.6 m off).
+Each person has two ends in the image. The lower end is on the ground: both feet, else one foot,
+else the bottom of the box, which touches the near rim of a cylinder around the body's axis. The
+upper end is at the person's height: the top of the head, else the top of the box, which is tangent
+to the head's sphere. The foot keypoints and the bottom of the same box have correlated errors (0.8
+on PETS), so only the better one is used. Where keypoints show a head but no foot, the legs are
+hidden and the bottom of the box is not used (on PETS it is 0.6 m off).
 
-The two ends are combined in proportion to their information. Where they disagree by more than
-chance (:data:`_DISAGREEMENT`), one of them is not what it is taken for: something hides the legs,
-or the person stoops. Seen feet are believed, if the contradiction is plain
-(:data:`_CONTRADICTION`). Of boxes nobody knows which end it is (on PETS the bottom is right ten
-times in eleven, behind parked cars it is wrong): either may be, and the covariance says so.
+The two ends are combined by information weighting. Where they disagree by more than chance
+(:data:`_DISAGREEMENT`), one of them is wrong: the legs are hidden, or the person stoops. Visible
+feet are preferred if the contradiction is clear (:data:`_CONTRADICTION`). When only a box is seen,
+either end may be the wrong one, and the covariance covers both (on PETS the bottom is right ten
+times in eleven; behind parked cars it is wrong).
 
-What both ends share, the middle of the body not being above the middle of the feet, is added to
-the covariance at the end (:data:`BODY_SIGMA_M`).
+The error shared by both ends, because the middle of the body is not exactly above the middle of
+the feet, is added to the covariance at the end (:data:`BODY_SIGMA_M`).
 """
 
 from dataclasses import dataclass
@@ -37,16 +37,17 @@ from scene4d.tracking._people_placing import (
 from scene4d.tracking._people_points import BOTH_FEET, BOX_SHARE, ONE_FOOT
 
 BODY_SIGMA_M = 0.085
-"""The middle of the body against that of its feet or head, on the ground."""
+"""Spread of the body's middle about that of its feet or head, on the ground."""
 _CONTRADICTION = 4.0
 """Ends farther apart than this many standard deviations (Mahalanobis) contradict each other."""
 _DISAGREEMENT = 2.0
-"""Ends farther apart than this disagree: up to here their stated errors hold on PETS."""
+"""Ends farther apart than this (same measure) disagree; up to this limit their stated errors hold
+on PETS."""
 
 
 @dataclass(frozen=True, eq=False)
 class Explained:
-    """Positions, and what they rest on: the names of the ends used, ``""`` where none was."""
+    """Positions, and the names of the ends they are based on, ``""`` where none was used."""
 
     located: Located
     lower: np.ndarray
@@ -63,11 +64,11 @@ def locate_people(
 ) -> Located:
     """Positions of people, with the independent part of their covariance, and body headings.
 
-    ``detections`` holds persons only, in pixels of the footage. ``height_m`` and its standard
-    deviation are one number for everybody or one per row (a track's own height). ``box_share`` is
-    the spread of boxes' edges as a share of a person's length in the image. A row of which
-    neither end meets the ground well enough has no position (NaN). Raises :class:`InputError`
-    where the detections are of images of another size than the camera's.
+    ``detections`` holds only people, in pixels of the footage. ``height_m`` and its standard
+    deviation are one number for everyone or one per row (a track's own height). ``box_share`` is
+    the spread of box edges as a share of a person's length in the image. A row has no position
+    (NaN) if neither end determines it well enough. Raises :class:`InputError` if the detections'
+    image size is not the camera's.
     """
     return explain_people(
         detections,
@@ -86,7 +87,7 @@ def explain_people(
     height_sigma_m: float | Float[np.ndarray, "n"] = HEIGHT_SIGMA_M,
     box_share: float = BOX_SHARE,
 ) -> Explained:
-    """As :func:`locate_people`, with the names of what every position rests on."""
+    """Like :func:`locate_people`, with the names of the ends each position is based on."""
     n = len(detections)
     seen = Seen.by(detections, camera, box_share)
     tall = np.broadcast_to(np.asarray(height_m, float), n)
@@ -125,8 +126,8 @@ def _apart(lower: Placed, upper: Placed) -> Float[np.ndarray, "n"]:
 def _either(
     lower: Placed, upper: Placed, xy_m: Float[np.ndarray, "n 2"], apart: Float[np.ndarray, "n"]
 ) -> Float[np.ndarray, "n 2 2"]:
-    """What comes on top of the covariance where either end may be the right one: the mean square
-    of their ways from the position, in so far as they are farther apart than by chance.
+    """Covariance to add where either end may be the right one: the mean square of their offsets
+    from the position, as far as they exceed chance.
     """
     share = 1 - np.minimum(1.0, _DISAGREEMENT / np.maximum(apart, 1e-9)) ** 2
     added = np.zeros((len(apart), 2, 2))
@@ -139,7 +140,7 @@ def _either(
 def _combined(
     lower: Placed, upper: Placed, use_lower: np.ndarray, use_upper: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Sum of the information of the ends that are used; NaN where none is."""
+    """Information-weighted mean of the ends used and its covariance; NaN where none is used."""
     information, pull = np.zeros((len(use_lower), 2, 2)), np.zeros((len(use_lower), 2))
     for end, used in ((lower, use_lower), (upper, use_upper)):
         weight = np.where(used[:, None, None], inverse(end.covariance_m2), 0.0)

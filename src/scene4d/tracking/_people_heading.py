@@ -1,10 +1,10 @@
-"""Which way people face, by the line of their shoulders and the direction of their feet.
+"""Body headings of people, from the shoulder line and the direction of the feet.
 
 The vector from the right to the left shoulder, turned by a right angle, and the vectors from the
-heels to the toes all point forwards; divided by their lengths on an average body they are noisy
-sightings of one unit vector. On a circle of directions the likelihood of all of them is a
-distribution of the heading, of which mean and circular standard deviation are reported. What is
-seen is the body, which mostly but not always faces where it walks.
+heels to the toes all point forwards. Divided by their lengths on an average body they are noisy
+measurements of one unit vector. Their joint likelihood over a circle of directions gives the
+distribution of the heading, whose mean and circular standard deviation are reported. This is the
+heading of the body, which usually but not always faces the direction of walking.
 
 Lengths and spreads are measured on PETS 2009 by ``benchmarks/people_positions.py``, against the
 direction of walking.
@@ -29,18 +29,18 @@ _SHOULDER_SHARE = 0.03
 _FOOT_SHARE = 0.03
 """Spread of a difference of two points, as a share of the person's length in the image."""
 _TURN_M = 0.08
-"""Bodies twist and feet turn: what comes on top on the ground."""
+"""Additional spread on the ground, because bodies twist and feet turn."""
 _WRONG = 0.04
-"""Left is taken for right: so often the heading is anything."""
+"""Share of headings that can be anything because left and right are confused."""
 _TOO_WIDE_RAD = np.radians(75.0)
-"""A heading less sure than this is none."""
+"""A heading with a larger standard deviation is not reported."""
 _DIRECTIONS = 48
 
 
 def body_headings(
     detections: Detections, camera: Camera, height_m: Float[np.ndarray, "n"]
 ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-    """Headings (n,) from +X to +Y and their standard deviations, radians; NaN where not seen."""
+    """Headings (n,) from +X to +Y and their standard deviations, radians; NaN where unknown."""
     n = len(detections)
     heading = sigma = np.full(n, np.nan)
     information, pull = np.zeros((n, 2, 2)), np.zeros((n, 2))
@@ -51,7 +51,7 @@ def body_headings(
         pull[seen] += np.einsum("nij,nj->ni", weight[seen], forwards[seen])
     angle = np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS)
     unit = np.column_stack([np.cos(angle), np.sin(angle)])
-    # log of N(forwards; unit, covariance) but for what all directions have in common
+    # log of N(forwards; unit, covariance), up to a constant
     log = pull @ unit.T - np.einsum("ki,nij,kj->nk", unit, information, unit) / 2
     weight = np.exp(log - log.max(axis=1, keepdims=True))
     mean = (weight @ unit) / weight.sum(axis=1, keepdims=True) * (1 - _WRONG)
@@ -65,7 +65,7 @@ def body_headings(
 def _sightings(
     detections: Detections, camera: Camera, height_m: np.ndarray
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Noisy unit vectors forwards (n, 2) and their covariances; NaN where not seen."""
+    """Noisy forward unit vectors (n, 2) and their covariances; NaN where not seen."""
     shoulders, covariance = _vector(
         detections,
         camera,

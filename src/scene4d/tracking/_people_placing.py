@@ -1,4 +1,4 @@
-"""From the seen ends of people to the ground: positions of the body's axis with covariances."""
+"""Ground positions of the body's axis, with covariances, from the visible ends of people."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,9 +14,9 @@ from scene4d.tracking._people_points import Ends, lower_ends, upper_ends
 from scene4d.tracking._rays import Level, Rays
 
 _FLOOR_PX = 1.0
-"""No point of the image is known better than this."""
+"""Smallest spread of any image point."""
 _TOO_UNSURE = 0.3
-"""An end that errs by more than this share of its distance from the camera says nothing."""
+"""An end with an error above this share of its distance from the camera is not used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Seen:
 
     @classmethod
     def by(cls, detections: Detections, camera: Camera, box_share: float) -> "Seen":
-        """The ends that detections show. Raises :class:`InputError` for another image size."""
+        """The ends that detections show. Raises :class:`InputError` if the image sizes differ."""
         if detections.image_size != camera.image_size:
             (w, h), (cw, ch) = detections.image_size, camera.image_size
             raise InputError(
@@ -47,7 +47,7 @@ class Seen:
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """The body's axis on the ground (n, 2) by one end, with covariance; NaN: it says nothing."""
+    """The body's axis on the ground (n, 2) from one end, with covariance; NaN where not usable."""
 
     xy_m: Float[np.ndarray, "n 2"]
     covariance_m2: Float[np.ndarray, "n 2 2"]
@@ -62,14 +62,14 @@ class Placed:
 def pixel_sigma(
     share: Float[np.ndarray, "n 2"], px_per_m: Float[np.ndarray, "n"]
 ) -> Float[np.ndarray, "n 2"]:
-    """Spread (px) of points: a share of the person's length in the image, and the floor."""
+    """Spread (px) of points: a share of the person's length in the image, plus the floor."""
     return np.hypot(_FLOOR_PX, share * (PERSON_HEIGHT_M * px_per_m)[:, None])
 
 
 def on_the_ground(ends: Ends, rays: Rays) -> Placed:
-    """From lower ends: the feet, or what stands behind the rim that a box's bottom touches."""
+    """From lower ends: the feet, or the axis behind the rim that the bottom of a box touches."""
     back = -rays.row_normal[:, :2]
-    with np.errstate(all="ignore"):  # looking straight down no side is the near one
+    with np.errstate(all="ignore"):  # looking straight down, no side is nearest
         back = back / np.hypot(back[:, 0], back[:, 1])[:, None]
     level = rays.meet(np.where(ends.radius_m > 0, 0.0, FOOT_HEIGHT_M))
     behind = np.where(ends.radius_m[:, None] > 0, ends.radius_m[:, None] * back, 0.0)
@@ -80,7 +80,7 @@ def on_the_ground(ends: Ends, rays: Rays) -> Placed:
 def at_height(
     ends: Ends, rays: Rays, height_m: Float[np.ndarray, "n"], sigma_m: Float[np.ndarray, "n"]
 ) -> Placed:
-    """From upper ends: at the person's height, or in the sphere that a box's top touches."""
+    """From upper ends: at the person's height, or inside the sphere that a box's top touches."""
     inwards = ends.radius_m[:, None] * rays.row_normal
     level = rays.meet(height_m - ends.radius_m - inwards[:, 2])
     moved = level.by_height * sigma_m[:, None]
@@ -93,10 +93,10 @@ def _at_mean_height(ends: Ends, rays: Rays) -> Placed:
 
 
 def _centring(ends: Ends, camera: Camera, place: Callable[[Ends, Rays], Placed]) -> np.ndarray:
-    """Shift (n, 2) of points on boxes' edges that puts the body's middle in the box's middle.
+    """Shift (n, 2) of points on box edges that puts the body's middle in the box's middle.
 
-    The middle of a box is that of the whole body. What touches the edges lies beside it, where
-    verticals lean in the image and where rows are crossed askew. Zero for keypoints.
+    A box is centred on the whole body. The points that touch its edges are off-centre where
+    verticals are slanted in the image or the camera is rolled. Zero for keypoints.
     """
     shift = np.zeros_like(ends.uv)
     rows = (ends.radius_m > 0) & (ends.by != "")

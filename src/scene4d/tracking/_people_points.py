@@ -1,8 +1,8 @@
-"""What a detection shows of a person: the lower end (feet) and the upper (head), and how surely.
+"""The lower end (feet) and upper end (head) that a detection shows of a person, with spreads.
 
-Spreads of image points are shares of the person's length in the image, one standard deviation.
-``benchmarks/people_positions.py`` measures them on PETS 2009, the only clip at hand with true
-positions. They hold the errors of the hand-drawn boxes that served as truth: upper bounds.
+Spreads of image points are standard deviations, as shares of the person's length in the image.
+``benchmarks/people_positions.py`` measures them on PETS 2009, the only available clip with true
+positions. They include the errors of the hand-drawn boxes used as truth, so they are upper bounds.
 """
 
 from dataclasses import dataclass, fields
@@ -24,17 +24,17 @@ from scene4d.core.people import Detections
 _FEET_SHARE = 0.025
 """Both feet, in any direction."""
 _HEAD_SHARE = 0.025
-"""The top of the head, in any direction: as the feet, for heights hide what it is."""
+"""The top of the head, in any direction. Taken from the feet, because unknown heights mask it."""
 BOX_SHARE = 0.08
-"""Upper and lower edges of boxes, as Faster R-CNN sets them."""
+"""Upper and lower edges of Faster R-CNN's boxes."""
 DRAWN_BOX_SHARE = 0.03
-"""The same of boxes drawn as carefully as those of PETS. (YOLOX's lie within 0.02.)"""
+"""The same for boxes drawn as carefully as those of PETS. (YOLOX's are within 0.02.)"""
 _ACROSS_SHARE = 0.03
-"""The middle of a box, across."""
+"""The middle of a box, horizontally."""
 _CUT_SHARE = 0.10
-"""The same where the left or the right border cuts the box: half a person may be missing."""
+"""The same where the left or right image border cuts the box: half a person may be missing."""
 _STEP_SIGMA_M = 0.17
-"""One foot against the middle of both, on the ground."""
+"""One foot relative to the middle of both, on the ground."""
 
 BOTH_FEET, ONE_FOOT, BOX_BOTTOM = "both feet", "one foot", "box bottom"
 HEAD, BOX_TOP = "head", "box top"
@@ -42,11 +42,11 @@ HEAD, BOX_TOP = "head", "box top"
 
 @dataclass(frozen=True, eq=False)
 class Ends:
-    """Where one end of people is seen, (n, 2) pixels of the footage.
+    """One end of each person in the image, (n, 2) pixels of the footage.
 
-    ``by`` names what shows it, ``""`` where nothing does and ``uv`` is NaN. ``share`` is the
-    spread along u and v, ``spread_m`` what comes on top of it on the ground, and ``radius_m`` the
-    radius of what a box's edge touches, 0 for keypoints.
+    ``by`` names the evidence, ``""`` where there is none and ``uv`` is NaN. ``share`` is the
+    spread along u and v, ``spread_m`` an additional spread on the ground, and ``radius_m`` the
+    radius of the body or head that the box edge touches, 0 for keypoints.
     """
 
     by: np.ndarray
@@ -75,7 +75,7 @@ class Ends:
         spread_m: float = 0.0,
         radius_m: float = 0.0,
     ) -> None:
-        """Let ``by`` show the end of those of the rows where nothing does yet."""
+        """Set the end from ``by`` in those of the given rows that have none yet."""
         rows = rows & (self.by == "") & np.isfinite(uv).all(axis=1)
         self.by[rows] = by
         self.uv[rows] = uv[rows]
@@ -98,9 +98,9 @@ def body_point(
 
 
 def lower_ends(detections: Detections, box_share: float) -> Ends:
-    """Both feet, else one, else the bottom of a box that the image's border does not cut.
+    """Both feet, else one, else the bottom of a box that the image border does not cut.
 
-    Where the keypoints show a head and no foot, something hides the legs, and the box ends there.
+    Where the keypoints show a head but no foot, the legs are hidden and the box ends too high.
     """
     left, left_seen = body_point(detections, LEFT_FOOT)
     right, right_seen = body_point(detections, RIGHT_FOOT)
@@ -122,7 +122,7 @@ def lower_ends(detections: Detections, box_share: float) -> Ends:
 
 
 def upper_ends(detections: Detections, box_share: float) -> Ends:
-    """The top of the head, else the top of a box that the image's border does not cut."""
+    """The top of the head, else the top of a box that the image border does not cut."""
     head, seen = body_point(detections, (HEAD_TOP,))
     ends = Ends.unseen(len(detections))
     ends.fill(seen, HEAD, head, _HEAD_SHARE)

@@ -1,9 +1,9 @@
-"""Tracks on the ground made smooth: positions, velocities and headings with their covariance.
+"""Smoothed tracks on the ground: positions, velocities and headings with their covariance.
 
-The posterior of a nearly-constant-velocity model given all sightings of a track, what the
-Rauch-Tung-Striebel smoother computes (Rauch, Tung and Striebel, 1965), for all tracks at once
-(:mod:`scene4d.tracking._chain`). Sightings may be any time apart. One that disagrees with its
-neighbours counts less, and vehicles that stand are held in place.
+Computes the posterior of a nearly-constant-velocity model given all detections of a track, as the
+Rauch-Tung-Striebel smoother does (Rauch, Tung and Striebel, 1965), for all tracks at once
+(:mod:`scene4d.tracking._chain`). Detections may be any time apart. Outliers get less weight, and
+standing vehicles are held in place.
 """
 
 from dataclasses import dataclass
@@ -28,29 +28,30 @@ from scene4d.tracking._sightings import (
 
 @dataclass(frozen=True)
 class SmoothingSettings:
-    """What the smoother takes for granted."""
+    """Assumptions of the smoother."""
 
     max_gap_s: float = 2.0
-    """Longer gaps between two measured positions stay gaps. Chosen by hand: in 2 s who walks can
-    turn back, and a straight bridge would be a guess."""
+    """Longer gaps between two measured positions are not bridged. Chosen by hand: within 2 s a
+    walker can turn back, and a straight bridge would be a guess."""
     outlier_sigma: float = 3.0
-    """A sighting further than this from the smoothed position has its variance raised until it
-    lies there, so that its pull falls with its distance. 3 is beyond 99 % of Gaussian errors in the
-    plane."""
+    """The variance of a detection further than this from the smoothed position is raised until
+    its distance equals this limit, so that its influence falls with distance. In the plane, 99 %
+    of Gaussian errors are within 3."""
     standing_window_s: float = 4.0
-    """Vehicles stop at kerbs and lights for longer than this. Chosen by hand, as the three figures
-    below; ``python -m benchmarks.meva_scenes`` measures how far MEVA's parked vehicles move with
-    them, and tests/tracking/test_smoothing.py holds cars that stop and one that creeps."""
+    """Vehicles stop at kerbs and lights for longer than this. Chosen by hand, like the three
+    values below; ``python -m benchmarks.meva_scenes`` measures how far MEVA's parked vehicles move
+    with them, and tests/tracking/test_smoothing.py covers cars that stop and one that creeps."""
     standing_move_m: float = 0.3
-    """A vehicle stands where it moves less than this over the window (0.1 m/s is more), or less
-    than ..."""
+    """A vehicle stands if it moves less than this over the window (at 0.1 m/s it moves more)."""
     standing_move_sigma: float = 1.5
-    """... so many standard deviations of a sighting, since far vehicles jitter by more, but ..."""
+    """It also stands if it moves less than this many standard deviations of a detection, since
+    distant vehicles jitter more."""
     standing_most_m: float = 1.5
-    """... never more than this, a third of a car's length."""
+    """Upper limit of both, a third of a car's length."""
     lag_s: float = 10.0
-    """In a stream rows are final once they are older than this; at least ``max_gap_s``. Later
-    sightings change the position of what moves by less than 2 mm at 10 Hz."""
+    """In a stream, rows older than this are final; at least ``max_gap_s`` and
+    ``standing_window_s``. Later detections change the position of a moving object by less than
+    2 mm at 10 Hz."""
 
     def __post_init__(self) -> None:
         if not self.lag_s >= max(self.max_gap_s, self.standing_window_s):
@@ -62,10 +63,12 @@ class SmoothingSettings:
 
 @dataclass(frozen=True, eq=False)
 class Smoothed(Columns):
-    """Smooth tracks by (track, time). ``source`` is the row of the sightings, -1 where a gap is
-    bridged (``observed`` false). ``class_name`` is the track's most frequent one. Positions are
-    NaN where a sighting has no ground point and no neighbours within ``max_gap_s``. ``heading_rad``
-    is NaN where the speed is not significant (99 %).
+    """Smoothed tracks, ordered by (track, time).
+
+    ``source`` is the row of the input, -1 where a gap is bridged (``observed`` is false).
+    ``class_name`` is the track's most frequent class. Positions are NaN where a detection has no
+    ground point and no neighbours within ``max_gap_s``. ``heading_rad`` is NaN where the speed is
+    not significantly above zero (99 %).
     """
 
     source: Int[np.ndarray, "n"]
@@ -85,8 +88,8 @@ class Smoothed(Columns):
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """Rows with what they became: ``placed`` ones have a position. ``factor`` is how many times its
-    stated variance a sighting was given.
+    """Rows with their estimated states; ``placed`` rows have a position. ``factor`` is the factor
+    by which a detection's stated variance was raised.
     """
 
     rows: TrackRows
@@ -104,12 +107,14 @@ def smooth(
     *,
     settings: SmoothingSettings | None = None,
 ) -> Smoothed:
-    """Smooth finished tracks. ``frame`` (m,) with times ``frame_time_s`` (m,), both ascending,
-    are the frames that were looked at: where a track was not seen in some of them for at most
-    ``max_gap_s``, it is bridged there. Without them no gap is bridged.
+    """Smooth finished tracks.
 
-    Raises :class:`InputError` where two sightings of a track have the same time or frame, where
-    frames and times are not ascending, and for a class that no scene holds.
+    ``frame`` (m,) and ``frame_time_s`` (m,), both ascending, are the frames that were analysed.
+    Where a track is missing from some of them for at most ``max_gap_s``, it is bridged there.
+    Without them no gap is bridged.
+
+    Raises :class:`InputError` if two detections of a track have the same time or frame, frames or
+    times are not ascending, or a scene cannot hold a class.
     """
     s = SmoothingSettings() if settings is None else settings
     if (frame_time_s is None) != (frame is None):
@@ -149,7 +154,7 @@ def estimate(
 
 
 def remembered(found: Estimates, memory: Memory, until_s: float) -> Memory:
-    """Of every track the state of its last row until then, given what was seen until then."""
+    """The state of each track at its last row up to ``until_s``, given detections up to then."""
     used = found.placed | (found.rows.source == REMEMBERED)
     used &= found.rows.time_s <= until_s
     if not used.any():
@@ -158,7 +163,7 @@ def remembered(found: Estimates, memory: Memory, until_s: float) -> Memory:
     chain = Chain(rows, memory)
     mean, cov = chain.solve(found.standing[used], found.factor[used], covariance=True)
     assert cov is not None  # it was asked for
-    # Every track begins with a row that knows a position.
+    # Every track begins with a row that has a position.
     knows = np.where(np.isfinite(rows.measured_s), np.arange(len(rows)), 0)
     last = np.append(rows.first[1:], True)
     return Memory(
@@ -175,7 +180,7 @@ def remembered(found: Estimates, memory: Memory, until_s: float) -> Memory:
 def _solved(
     rows: TrackRows, memory: Memory, s: SmoothingSettings
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Which rows stand, factors of variance, states and their covariance."""
+    """Which rows stand, their variance factors, states and state covariances."""
     chain = Chain(rows, memory)
     n = len(rows)
     standing, factor = np.zeros(n, bool), np.ones(n)
@@ -186,7 +191,7 @@ def _solved(
         if not vehicle.any() and factor.max(initial=1.0) == 1.0:
             break
     if vehicle.any():
-        # Twice: what was pinned the first time shows that it did not move in between either.
+        # Twice: the rows pinned first show that those between them did not move either.
         for _ in range(2):
             standing = vehicle & _stands(rows, mean[:, :2], s)
             mean, _ = chain.solve(standing, factor, covariance=False)
@@ -198,15 +203,15 @@ def _solved(
 def _stands(
     rows: TrackRows, xy_m: Float[np.ndarray, "n 2"], s: SmoothingSettings
 ) -> Bool[np.ndarray, "n"]:
-    """Rows about which the track moves no further than the settings say."""
+    """Rows around which the track moves less than the settings' limits."""
     first = rows.first
     number = np.cumsum(first) - 1
     begin, end = np.flatnonzero(first), np.flatnonzero(np.append(first[1:], True))
-    # One line of time for all tracks, far apart.
+    # All tracks on one time axis, one after another.
     time = rows.time_s - rows.time_s[begin][number]
     length = time[end]
     offset = np.concatenate([[0.0], np.cumsum(length + 1.0)[:-1]])[number] if len(time) else time
-    # At its ends a track has the window that just fits.
+    # At a track's ends the window is shifted to fit inside it.
     window, whole = s.standing_window_s, length[number]
     low = np.clip(time - window / 2, 0.0, np.maximum(whole - window, 0.0))
     high = np.minimum(low + window, whole)
@@ -215,7 +220,7 @@ def _stands(
         at_high = np.interp(high + offset, time + offset, xy_m[:, axis])
         moved[:, axis] = at_high - np.interp(low + offset, time + offset, xy_m[:, axis])
     distance = np.hypot(moved[:, 0], moved[:, 1])
-    # Rows without a sighting take the covariance of the last one.
+    # Rows without a measurement take the covariance of the last one.
     measured = np.isfinite(rows.xy_m[:, 0])
     last = np.maximum.accumulate(np.where(measured, np.arange(len(measured)), begin[number]))
     sigma = np.sqrt(np.trace(rows.covariance_m2[last], axis1=1, axis2=2) / 2)
@@ -230,8 +235,8 @@ def finished(
     track: Int[np.ndarray, "t"],
     counts: Int[np.ndarray, "t c"],
 ) -> Smoothed:
-    """The wanted rows as they go out. ``counts`` (t, classes) says how often each ``track`` (t,),
-    ascending, was seen as what.
+    """The wanted rows in their final form. ``counts`` (t, classes) holds how often each ``track``
+    (t,), ascending, was seen as each class.
     """
     keep = wanted & (found.rows.source != REMEMBERED)
     rows = found.rows.select(keep)

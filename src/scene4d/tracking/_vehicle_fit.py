@@ -1,14 +1,15 @@
-"""Vehicles fitted to bounding boxes: all vehicles and starting headings at once.
+"""Fits vehicles to bounding boxes: all vehicles and all starting headings at once.
 
-A vehicle on the ground has six unknowns: the logarithms of length, width and height, heading, and
-the position (x, y) of its middle. Its picture's bounding rectangle has four edges; each one is
-where one point of the outline, the active one, projects. Levenberg-Marquardt minimises
+A vehicle on the ground has six unknowns: the logarithms of length, width and height, the heading,
+and the position (x, y) of its middle. Its image has a bounding rectangle with four edges; each is
+the projection of one outline point, the active point. Levenberg-Marquardt minimises
 
-    sum ((edge - predicted edge) / sigma)² + log dimensions, heading: their Gaussian priors.
+    sum ((edge - predicted edge) / sigma)² + Gaussian priors of log dimensions and heading.
 
-The prior of the heading is a sum of Gaussian bells side by side, and each bell gets a fit of its
-own, so that no start is missed. Laplace's approximation weighs them: ``exp(-cost / 2) / √det A``
-with the information matrix A. Arrays have the vehicles and the bells as their last two axes (n m).
+The heading prior is a mixture of Gaussians side by side ("bells"). Each bell gets its own fit, so
+that no minimum is missed. The fits are weighted by Laplace's approximation
+``exp(-cost / 2) / √det A`` with the information matrix A. The last two axes (n m) of all arrays
+are vehicles and bells.
 """
 
 from dataclasses import dataclass
@@ -22,18 +23,18 @@ from scene4d.tracking._vehicle_shapes import VehicleShape
 _ITERATIONS = 7
 """Steps of Levenberg-Marquardt. Chosen by hand."""
 _MIN_DEPTH_M = 0.1
-"""Nearer to the camera nothing is projected."""
+"""Least depth of a point for projection."""
 _HEADING, _X, _Y = 3, 4, 5
 _N = 6
 _LARGEST_STEP = np.array([0.3, 0.3, 0.3, 0.4])
-"""Log dimensions and radians: the outline's active points change beyond. Chosen by hand."""
+"""Log dimensions and radians; larger steps would change the active points. Chosen by hand."""
 _OUTWARD = np.array([-1.0, -1.0, 1.0, 1.0])
 """Left, top, right, bottom."""
 
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """Boxes in pixels of the footage, the noise of their edges, which edges are seen at all."""
+    """Boxes in pixels of the footage, the noise of their edges, and which edges are visible."""
 
     xyxy: Float[np.ndarray, "n 4"]
     sigma_px: Float[np.ndarray, "n 4"]
@@ -42,7 +43,7 @@ class Boxes:
 
 @dataclass(frozen=True, eq=False)
 class Bells:
-    """Prior of the heading: bells of one width ``sigma_rad`` about ``centre_rad``, weighted."""
+    """Heading prior: weighted Gaussians of one width ``sigma_rad`` about ``centre_rad``."""
 
     centre_rad: Float[np.ndarray, "n m"]
     sigma_rad: Float[np.ndarray, "n"]
@@ -53,9 +54,9 @@ class Bells:
 class Fits:
     """One fit per vehicle and bell: (heading, x, y) with covariance, log dimensions, log weight.
 
-    ``cost`` is the misfit (two degrees of freedom where all edges are seen), ``range_m`` the
-    distance from the camera; ``log_weight`` is -inf where the fit is no vehicle
-    before the camera.
+    ``cost`` is the misfit (two degrees of freedom where all edges are visible), ``range_m`` the
+    distance from the camera; ``log_weight`` is -inf where the fitted vehicle is not in front of
+    the camera.
     """
 
     pose: Float[np.ndarray, "3 n m"]
@@ -72,7 +73,7 @@ def fit(camera: Camera, shape: VehicleShape, boxes: Boxes, bells: Bells) -> Fits
 
 
 class Outline:
-    """Bounding rectangles of one shape of vehicle, through the camera and its lens."""
+    """Bounding rectangles of one vehicle shape, projected through the camera and its lens."""
 
     def __init__(self, camera: Camera, shape: VehicleShape) -> None:
         self._camera, self._shape, self._P = camera, shape, camera.P
@@ -80,12 +81,12 @@ class Outline:
         self._reach2 = self._image_radius2() if self._curved else np.inf
 
     def _image_radius2(self) -> float:
-        """Largest squared radius (in focal lengths, undistorted) that the lens shows."""
+        """Largest squared radius (in focal lengths, undistorted) in the image."""
         width, height = self._camera.image_size
         u, v = np.meshgrid(np.linspace(0, width - 1, 9), np.linspace(0, height - 1, 9))
         uv, valid = self._camera.undistort(np.column_stack([u.ravel(), v.ravel()]))
         reach2 = float(self._radius2(*uv[valid].T).max(initial=0.01))
-        # A tangential lens folds earlier to one side: all sides must be seen out to the reach.
+        # Tangential distortion folds earlier on one side: the reach must be valid on all sides.
         angle = np.linspace(0, 2 * np.pi, 36, endpoint=False)
         circle = np.column_stack([np.cos(angle), np.sin(angle)]) @ self._camera.K[:2, :2].T
         while not self._camera.distort(self._camera.K[:2, 2] + np.sqrt(reach2) * circle)[1].all():
@@ -98,8 +99,8 @@ class Outline:
         return x * x + y * y
 
     def _distort(self, uv: np.ndarray) -> np.ndarray:
-        """Pixels of the footage (2, ...). Beyond the picture the lens's polynomial may fold back,
-        so that its last magnification is kept there.
+        """Pixels of the footage (2, ...). Outside the image the distortion polynomial may fold
+        back, so the magnification at the limit is kept there.
         """
         if not self._curved:
             return uv
@@ -114,7 +115,7 @@ class Outline:
         return self._camera.distort(uv.reshape(2, -1).T)[0].T.reshape(uv.shape)
 
     def lens_slope(self, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "2 2 n"]:
-        """Derivative of the footage's pixels by undistorted ones, at undistorted ones."""
+        """Derivative of distorted pixels with respect to undistorted ones, at undistorted ones."""
         slope = np.zeros((2, 2, len(uv)))
         for axis in range(2):
             step = np.zeros((2, 1))
@@ -127,8 +128,8 @@ class Outline:
     ) -> tuple[
         Float[np.ndarray, "4 n m"], Float[np.ndarray, "4 2 n m"], Float[np.ndarray, "4 3 n m"]
     ]:
-        """Edges (left, top, right, bottom), and the active points that make them: undistorted
-        pixels with depth, (u, v) and the fractions of the cuboid.
+        """Edges (left, top, right, bottom), and the active points that define them: undistorted
+        pixels (u, v) and fractions of the cuboid.
         """
         axes = self.axes(state)
         middle = self._middle(state)
@@ -175,14 +176,16 @@ class Outline:
     def slopes(
         self, state: np.ndarray, uv: np.ndarray, fractions: np.ndarray, lens: np.ndarray
     ) -> np.ndarray:
-        """Derivative of the edges by the state, (4, 6, n, m); ``lens`` from :meth:`lens_slope`."""
+        """Derivative of the edges with respect to the state, (4, 6, n, m); ``lens`` is from
+        :meth:`lens_slope`.
+        """
         P, axes, middle = self._P, self.axes(state), self._middle(state)
         along, across, up = np.moveaxis(fractions, 1, 0)
         depth = np.maximum(
             along * axes[0, 2] + across * axes[1, 2] + up * axes[2, 2] + middle[2], _MIN_DEPTH_M
         )
         row = lens[[0, 1, 0, 1]][..., None] / depth[:, None]  # (4, 2, n, m)
-        # Derivative by the homogeneous pixel (q0, q1, q2), uv = (q0, q1) / q2.
+        # Derivative with respect to the homogeneous pixel (q0, q1, q2), uv = (q0, q1) / q2.
         by = (row[:, 0], row[:, 1], -(row[:, 0] * uv[:, 0] + row[:, 1] * uv[:, 1]))
         ground = [by[0] * P[0, j] + by[1] * P[1, j] + by[2] * P[2, j] for j in range(2)]
         by_axis = [by[0] * a[0] + by[1] * a[1] + by[2] * a[2] for a in axes]
@@ -229,8 +232,8 @@ class _Fit:
         return np.sqrt((state[_X] - centre[0]) ** 2 + (state[_Y] - centre[1]) ** 2 + centre[2] ** 2)
 
     def _start(self) -> np.ndarray:
-        """Typical vehicles on the ray through the box's middle, at half their height; where the
-        ray meets that plane too far off or never, as far away as the box is small.
+        """Typical vehicles on the ray through the box's middle, at half their height. Where the
+        ray meets that plane too far away or never, the size of the box gives the distance.
         """
         camera, size = self._camera, self._shape.size_m
         K, centre = camera.K, camera.centre_m
@@ -252,9 +255,9 @@ class _Fit:
     def _linearise(
         self, state: np.ndarray, *, seen_only: bool = False
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Cost (n, m), information (6, 6, n, m), and half the downward gradient (6, n, m).
+        """Cost (n, m), information (6, 6, n, m), and half the negative gradient (6, n, m).
 
-        An edge at the picture's border says only that the vehicle does not end before it.
+        An edge at the image border shows only that the vehicle extends at least to it.
         """
         edges, uv, fractions = self._outline.project(state)
         residual = (self._edges - edges) / self._sigma
@@ -276,7 +279,7 @@ class _Fit:
         gradient[_HEADING] -= bell * off_heading
         information[:3, :3] += self._prior[:, :, None, None]
         information[_HEADING, _HEADING] += bell
-        # Far weaker than any box that determines a position: keeps the others finite.
+        # Far weaker than any box that determines a position; keeps the others finite.
         information[_X, _X] += 1 / self._range(state) ** 2
         information[_Y, _Y] += 1 / self._range(state) ** 2
         cost = (residual**2).sum(axis=0) + (pull * state[:3]).sum(axis=0) + bell * off_heading**2
@@ -312,9 +315,9 @@ class _Fit:
 
 
 def cholesky(matrix: np.ndarray) -> np.ndarray:
-    """Lower factors of many small symmetric matrices (k, k, ...), of which the lower half is read.
+    """Lower Cholesky factors of many small symmetric matrices (k, k, ...); reads the lower half.
 
-    Written out over the small axes: LAPACK spends its time on the calls.
+    Loops over the small axes, because LAPACK's overhead per call would dominate.
     """
     lower = np.zeros_like(matrix)
     for j in range(len(matrix)):
@@ -337,8 +340,8 @@ def solve(lower: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _trailing_covariance(lower: np.ndarray) -> np.ndarray:
-    """Covariance (3, 3, n, m) of the last three unknowns: their block of the factor is that of
-    their information with the others marginalised.
+    """Covariance (3, 3, n, m) of the last three unknowns: their block of the factor is the factor
+    of their information with the other unknowns marginalised.
     """
     block = lower[_HEADING:, _HEADING:]
     unit = np.zeros_like(block)

@@ -1,8 +1,8 @@
-"""Where vehicles stand: the middle of the vehicle on the ground, from its bounding box.
+"""Ground positions of vehicles: the middle of the vehicle, from its bounding box.
 
-The middle of a box's bottom edge is the usual stand-in. It lies under the nearest bumper, one to
-several metres before the vehicle's middle. Here a vehicle of typical size stands on the ground so
-that its picture fills the box; see :mod:`scene4d.tracking._vehicle_fit`.
+The middle of the box's bottom edge is the usual approximation. It lies under the nearest bumper,
+one to several metres in front of the vehicle's middle. Here a vehicle of typical size is placed on
+the ground so that its image fills the box; see :mod:`scene4d.tracking._vehicle_fit`.
 """
 
 from dataclasses import replace
@@ -18,33 +18,33 @@ from scene4d.tracking._vehicle_fit import Bells, Boxes, Fits, fit
 from scene4d.tracking._vehicle_shapes import SHAPES
 
 _BELLS = 8
-"""Headings from which a vehicle is fitted, 22.5 degrees apart over half a turn. Chosen by hand;
-``python -m benchmarks.vehicle_positions`` measures what comes of it, as of the errors below."""
+"""Starting headings of the fit, 22.5 degrees apart over half a turn. Chosen by hand;
+``python -m benchmarks.vehicle_positions`` measures the result, as for the errors below."""
 _BIAS_SHARE = 0.03
-"""Error of a box's edge that all frames have in common, as a share of the box's width or height:
-the detector's habit, and how this vehicle differs from a typical outline. Chosen by hand."""
+"""Error of a box edge that all frames share, as a share of the box's width or height: detector
+bias, and this vehicle's difference from a typical outline. Chosen by hand."""
 JITTER_SHARE = 0.02
-"""Error of a box's edge that is new in every frame, as the same share. Chosen by hand."""
+"""Error of a box edge that is independent in every frame, as the same share. Chosen by hand."""
 _FLOOR_PX = 1.0
-"""The least of both errors, in pixels: boxes are rounded."""
+"""Minimum of both errors, in pixels: boxes are rounded."""
 _BORDER_SHARE = 0.0025
-"""A box that comes as near to the picture's border, as a share of its width or height, is cut."""
+"""A box this close to the image border counts as cut; a share of the image's width or height."""
 _LEAST_BORDER_PX = 2.0
-"""The same at least, in pixels: detectors clip at the border, and round. Chosen by hand."""
+"""Minimum of the same, in pixels: detectors clip at the border and round. Chosen by hand."""
 _USELESS_HEADING_RAD = 0.8
-"""A heading with a larger standard deviation does not tell front from back: it is not used."""
+"""A heading with a larger standard deviation does not tell front from back and is not used."""
 _LIKELY_MISFIT = 6.0
-"""Boxes of vehicles in full view misfit less in 95 % of cases (χ² of two degrees of freedom). Of a
-half-hidden vehicle, or one that stands on another level, they misfit more: the covariance grows in
-proportion."""
+"""95 % of fully visible vehicles misfit less (χ² of two degrees of freedom). Partly hidden
+vehicles, or those on another level, misfit more; the covariance grows in proportion."""
 _MOST_MISFIT = 200.0
-"""A box that misfits more is no vehicle on the ground: it has no place."""
+"""A box with a larger misfit is not a vehicle on the ground and gets no position."""
 _MOST_SPREAD = 0.5
-"""Share of the distance: a position that errs by more is not determined. Chosen by hand."""
+"""A position with a standard deviation above this share of its distance is undetermined. Chosen by
+hand."""
 _MOST_HEADING_SIGMA = 0.7
-"""Radians: an axis less sure than this is none; no knowledge at all is π / √12 = 0.91."""
+"""Radians: an axis with a larger spread is not reported; a uniform one has π / √12 = 0.91."""
 _CHUNK = 512
-"""Vehicles at a time: their arrays stay in the processor's cache."""
+"""Vehicles per batch: their arrays fit in the processor's cache."""
 
 
 def locate_vehicles(
@@ -57,17 +57,19 @@ def locate_vehicles(
 ) -> Located:
     """Ground centroids of the vehicles among ``detections``, each from its box alone.
 
-    ``heading_rad`` with ``heading_sigma_rad`` is what is known of the headings (of the track's
-    motion, from +X to +Y); NaN where nothing is, and not used where its spread is above
-    :data:`_USELESS_HEADING_RAD`. Without it a heading is an axis, since a box does
-    not tell front from back, and NaN where the box tells nothing. ``covariance_m2`` holds the
-    errors of the box, of the vehicle's dimensions and of the heading; it grows where the box fits
-    no vehicle well. An edge at the picture's border is no observation, nor is the lower edge where
-    ``bottom_hidden``: something stands before it. NaN are rows of other classes (than car, truck,
-    bus, motorcycle, bicycle, and "vehicle", taken as a car), those without a proper box, those
-    whose box no vehicle on the ground explains, and those whose
-    position is not determined within half its distance. Raises :class:`InputError` where the
-    camera is of another image size or a heading comes without its spread.
+    ``heading_rad`` with ``heading_sigma_rad`` is the known heading (from the track's motion, from
+    +X to +Y); NaN where unknown. It is not used if its spread is above
+    :data:`_USELESS_HEADING_RAD`. Without it the result is an axis, since a box does not tell front
+    from back, or NaN where the box does not determine it.
+
+    ``covariance_m2`` includes the errors of the box, the vehicle's dimensions and the heading; it
+    grows where the box fits no vehicle well. An edge at the image border is not used as a
+    measurement, nor is the bottom edge where ``bottom_hidden`` (something stands in front of it).
+
+    Rows are NaN for classes other than car, truck, bus, motorcycle, bicycle and "vehicle" (taken
+    as a car), for invalid boxes, for boxes that no vehicle on the ground explains, and for
+    positions not determined within half their distance. Raises :class:`InputError` if the
+    camera's image size differs or a heading comes without its spread.
     """
     boxes = _proper(detections.box_xyxy)
     sigma = np.hypot(_box_noise(boxes, _BIAS_SHARE), _box_noise(boxes, JITTER_SHARE))
@@ -77,7 +79,7 @@ def locate_vehicles(
 
 
 def _proper(box_xyxy: np.ndarray) -> np.ndarray:
-    """The boxes, NaN where they are none."""
+    """The boxes, NaN where invalid."""
     proper = np.isfinite(box_xyxy).all(axis=1)
     proper &= (box_xyxy[:, 2:] > box_xyxy[:, :2]).all(axis=1)
     return np.where(proper[:, None], box_xyxy, np.nan)
@@ -91,14 +93,15 @@ def _box_noise(box_xyxy: np.ndarray, share: float) -> np.ndarray:
 def _headings(
     n: int, heading_rad: np.ndarray | None, sigma_rad: np.ndarray | None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Headings and spreads, NaN and infinite where nothing is known."""
+    """Headings and spreads, NaN and infinite where unknown."""
     if (heading_rad is None) != (sigma_rad is None):
-        raise InputError("vehicles: headings need their spread, and a spread its heading")
+        raise InputError("vehicles: give heading_rad and heading_sigma_rad together")
     if heading_rad is None or sigma_rad is None:
         return np.full(n, np.nan), np.full(n, np.inf)
     if len(heading_rad) != n or len(sigma_rad) != n:
         raise InputError(
-            f"vehicles: {n} detections, {len(heading_rad)} headings, {len(sigma_rad)} spreads"
+            f"vehicles: found {n} detections, {len(heading_rad)} headings and {len(sigma_rad)} "
+            "spreads, expected as many of each"
         )
     known = np.isfinite(heading_rad) & (sigma_rad <= _USELESS_HEADING_RAD)
     if (sigma_rad[known] <= 0).any():
@@ -120,8 +123,8 @@ def _locate(
 ) -> Located:
     if detections.image_size != camera.image_size:
         raise InputError(
-            f"vehicles: the detections are of {detections.image_size} pixels, "
-            f"the camera of {camera.image_size}; give the camera of this footage"
+            f"vehicles: the detections are for images of {detections.image_size} pixels, "
+            f"the camera for {camera.image_size}; give the camera of this footage"
         )
     found = Located.nowhere(len(detections))
     box = detections.box_xyxy
@@ -146,16 +149,16 @@ def _locate(
 
 
 def _seen(box_xyxy: np.ndarray, image_size: tuple[int, int]) -> Bool[np.ndarray, "n 4"]:
-    """Which edges do not lie at the picture's border."""
+    """Which edges are not at the image border."""
     size = np.array(image_size)
     margin = np.maximum(_LEAST_BORDER_PX, _BORDER_SHARE * size)
     return np.hstack([box_xyxy[:, :2] > margin, box_xyxy[:, 2:] < size - 1 - margin])
 
 
 def _bells(heading_rad: np.ndarray, sigma_rad: np.ndarray) -> Bells:
-    """The prior of the headings as bells side by side, over half a turn where nothing is known.
+    """The heading prior as Gaussians side by side, over half a turn where nothing is known.
 
-    Bells of half their distance sum up to what is flat within 2 %.
+    With a width of about half their spacing, their sum is flat within 2 %.
     """
     known = np.isfinite(heading_rad)
     half = np.where(known, np.minimum(2.5 * sigma_rad, np.pi / 2), np.pi / 2)
@@ -168,7 +171,7 @@ def _bells(heading_rad: np.ndarray, sigma_rad: np.ndarray) -> Bells:
 
 
 def _moments(fits: Fits, directed: np.ndarray) -> Located:
-    """Mean and covariance over the headings, and the headings' own."""
+    """Mean and covariance of the position over all headings, and of the heading itself."""
     highest = fits.log_weight.max(axis=1, keepdims=True)
     possible = np.isfinite(highest[:, 0])
     with np.errstate(invalid="ignore"):
@@ -194,7 +197,7 @@ def _moments(fits: Fits, directed: np.ndarray) -> Located:
 def _mean_heading(
     fits: Fits, weight: np.ndarray, directed: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Circular mean and standard deviation; of the doubled angle where it is an axis."""
+    """Circular mean and standard deviation; computed on the doubled angle for an axis."""
     fold = np.where(directed, 1.0, 2.0)
     angle, variance = fits.pose[0] * fold[:, None], fits.covariance[0, 0] * fold[:, None] ** 2
     sum_ = (weight * np.exp(1j * angle - variance / 2)).sum(axis=1)

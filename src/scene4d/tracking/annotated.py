@@ -1,4 +1,4 @@
-"""Looks that a file of annotations gives instead of the detectors."""
+"""Looks from an annotation file, in place of the detectors."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -18,18 +18,18 @@ from scene4d.tracking.placing import known_classes
 from scene4d.video.frames import Source
 
 _FRAMES_PER_LOOK = 300
-"""Annotated frames that are placed and followed at once: bounds memory, changes no result."""
+"""Annotated frames processed at once: bounds memory without changing the result."""
 
 TimesOf = Callable[[Int[np.ndarray, "m"]], Float[np.ndarray, "m"]]
-"""Seconds from the clip's start of frames, by their numbers."""
+"""Maps frame numbers to seconds from the clip's start."""
 
 
 def annotated_looks(footage: Source | None, job: Job) -> Iterator[Look]:
-    """The annotated frames at the rate asked for, read at once and given out piece by piece.
+    """The annotated frames at the requested rate, read at once and yielded piece by piece.
 
-    Frames have the times of the footage, where it has a clock and no frame rate was given. Raises
-    :class:`InputError` where no times are known, a frame is not in the footage or a track is twice
-    in a frame, and as :func:`.read_annotations`.
+    Frames have the times of the footage if it has a clock and no frame rate is given. Raises
+    :class:`InputError` if no times are known, a frame is not in the footage or a track occurs
+    twice in a frame, and as :func:`.read_annotations`.
     """
     options, run = job.options, job.run
     path = Path(str(options.annotations))
@@ -60,11 +60,11 @@ def annotated_looks(footage: Source | None, job: Job) -> Iterator[Look]:
 def looks_of(
     found: Detections, rate_hz: float, times: float | Float[np.ndarray, "k"]
 ) -> Iterator[Look]:
-    """Annotated boxes as looks: in each slot of the rate the first annotated frame.
+    """Annotated boxes as looks: the first annotated frame in each slot of the rate.
 
     ``times`` is the frame rate, or the times of all frames of the footage. A slot without an
-    annotated frame was looked at and nobody was there; of longer pauses, across which nothing is
-    bridged, only the ends are.
+    annotated frame counts as analysed and empty. Pauses too long to be bridged are skipped; only
+    their ends are kept.
     """
     if not len(found):
         return
@@ -102,7 +102,7 @@ def _check_frames(found: Detections, footage: Source | None, path: Path) -> None
 
 
 def _one_kind_of_tracks(found: Detections, path: Path, run: TrackRun) -> Detections:
-    """Tracks for all boxes or for none; raises where a track is in a frame twice."""
+    """Tracks for all boxes or for none; raises if a track occurs twice in a frame."""
     if (found.track < 0).any():
         if (found.track >= 0).any():
             run.warnings.append(f"{path}: some boxes have no track, so all are tracked anew.")
@@ -127,10 +127,10 @@ def _one_kind_of_tracks(found: Detections, path: Path, run: TrackRun) -> Detecti
 def _slots(
     annotated: Int[np.ndarray, "n"], times_of: TimesOf, rate_hz: float
 ) -> Int[np.ndarray, "m"]:
-    """Frames to look at: in each 1/rate of a second the first annotated one, else the first.
+    """Frames to use: in each 1/rate of a second the first annotated one, or else the first.
 
-    ``annotated`` is ascending. Frames in a pause longer than any gap that is bridged are left out,
-    so that the number of frames is bounded by the annotated ones and not by their span.
+    ``annotated`` is ascending. Frames in a pause too long to be bridged are left out, so that the
+    number of frames is bounded by the annotated ones and not by their time span.
     """
     pause_s = np.diff(times_of(annotated), append=np.inf)
     step = np.diff(annotated, append=annotated[-1:] + 1)

@@ -1,4 +1,4 @@
-"""From looks to smooth tracks, in a stream: placed, associated, smoothed, believed."""
+"""Streaming pipeline from detections to smoothed tracks: place, associate, smooth, filter."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -23,8 +23,8 @@ from scene4d.tracking._vehicles import locate_vehicles
 from scene4d.tracking.placing import bottoms_hidden, place, shared_covariance
 
 _FORGET_S = 1800.0
-"""What a track was is forgotten so long after it was last seen. Vehicles that stood are still
-associated after 600 s."""
+"""A track's history is dropped this long after it was last seen. Standing vehicles are associated
+for up to 600 s."""
 
 
 def follow(
@@ -35,10 +35,10 @@ def follow(
     trusted: bool,
     timings: dict[str, float] | None = None,
 ) -> Iterator[Tracks]:
-    """Rows of tracks that have become final, about every ten seconds, and at the end what is left.
+    """Final rows of tracks, about every ten seconds, and the remaining ones at the end.
 
-    Detections that have tracks keep them. What is ``trusted`` was annotated: everybody is believed
-    at once. Memory does not grow with the length of the footage.
+    Detections that have tracks keep them. If ``trusted`` (annotations), every track counts from
+    the start. Memory does not grow with the length of the footage.
     """
     follower = _Follower(
         calibration,
@@ -52,7 +52,7 @@ def follow(
 
 
 class _Follower:
-    """Takes looks in order of time."""
+    """State of :func:`follow`; takes looks in order of time."""
 
     def __init__(
         self,
@@ -71,7 +71,7 @@ class _Follower:
         self._smoother = FixedLagSmoother()
         self._held: list[tuple[int, Detections, Located]] = []  # with the number of the first row
         self._rows = 0
-        self._headings: dict[int, tuple[float, float]] = {}  # last heading in motion, and when
+        self._headings: dict[int, tuple[float, float]] = {}  # last heading in motion, and its time
 
     def follow(self, look: Look) -> Iterator[Tracks]:
         """Add some frames."""
@@ -86,13 +86,13 @@ class _Follower:
                 self._forget(time_s - SmoothingSettings.lag_s)
 
     def finish(self) -> Tracks:
-        """All that is left."""
+        """The remaining rows."""
         with timed(self._timings, "smooth"):
             final = self._smoother.finish()
         return self._tracks(final)
 
     def _sightings(self, look: Look) -> tuple[Sightings, Located]:
-        """Where everything stands, and whose track it is."""
+        """Ground positions and track numbers of all detections."""
         d = look.detections
         with timed(self._timings, "place"):
             hidden = bottoms_hidden(d)
@@ -107,7 +107,7 @@ class _Follower:
         return _sightings(d, track, located), located
 
     def _associate(self, look: Look, located: Located) -> Int[np.ndarray, "n"]:
-        """Track numbers of all rows: those they have, else those of the tracker."""
+        """Track numbers of all rows: their own, or else the tracker's."""
         detections = look.detections
         if (detections.track >= 0).all():
             return detections.track
@@ -124,7 +124,7 @@ class _Follower:
     def _with_headings(
         self, d: Detections, seen: Sightings, located: Located, hidden: Bool[np.ndarray, "n"]
     ) -> Located:
-        """Vehicles placed again with the heading of their motion, where they move."""
+        """Positions, with moving vehicles placed again using their heading of motion."""
         rows = np.flatnonzero(np.isin(d.class_name, VEHICLES) & located.known)
         rough = smooth(seen.select(rows))
         heading, sigma = np.full((2, len(d)), np.nan)
@@ -152,7 +152,7 @@ class _Follower:
             self._belief.forget(oldest)
 
     def _tracks(self, final: Smoothed) -> Tracks:
-        """Smooth rows of the tracks that are believed, with what was seen at each of them."""
+        """Smoothed rows of the accepted tracks, with the detection behind each of them."""
         if self._belief is not None:
             final = final.select(self._belief.holds(final.track))
         with timed(self._timings, "smooth"):
@@ -179,10 +179,10 @@ class _Follower:
         )
 
     def _all_headings(self, final: Smoothed, found: "_Seen") -> tuple[np.ndarray, np.ndarray]:
-        """Headings of the motion; where nothing moves, those of bodies and of vehicles' shapes.
+        """Headings of motion, or of bodies and vehicle shapes where the object does not move.
 
-        The shape of a vehicle does not tell front from back: the last motion does; where there was
-        none, the spread is NaN.
+        A vehicle's shape does not tell front from back; its last motion does. If it has not moved
+        yet, the spread is NaN.
         """
         moving = np.isfinite(final.heading_rad)
         heading = np.where(moving, final.heading_rad, found.heading)
@@ -207,7 +207,7 @@ def _sightings(d: Detections, track: Int[np.ndarray, "n"], located: Located) -> 
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """What was seen at smooth rows, NaN where a gap is bridged."""
+    """Detections behind smoothed rows, NaN where a gap is bridged."""
 
     box_xyxy: Float[np.ndarray, "n 4"]
     keypoint_uv: Float[np.ndarray, "n k 2"]
@@ -219,7 +219,7 @@ class _Seen:
 
 
 def _seen_at(source: Int[np.ndarray, "n"], held: list[tuple[int, Detections, Located]]) -> _Seen:
-    """What was seen at rows that are known by their number (-1: at none)."""
+    """Detections with the row numbers ``source`` (-1: none)."""
     k = max((len(d.keypoint_names) for _, d, _ in held), default=0)
     n = len(source)
     found = _Seen(
@@ -237,7 +237,9 @@ def _seen_at(source: Int[np.ndarray, "n"], held: list[tuple[int, Detections, Loc
         found.box_xyxy[rows] = d.box_xyxy[at]
         found.score[rows] = d.score[at]
         if d.keypoint_names != HALPE26[: len(d.keypoint_names)]:
-            raise InputError("keypoints must be the first of Halpe's 26 (COCO's 17), in order")
+            raise InputError(
+                "keypoints must be the first of Halpe's 26 in their order, such as COCO's 17"
+            )
         if d.keypoint_names:
             found.keypoint_uv[rows] = d.keypoint_uv[at]
             found.keypoint_score[rows] = d.keypoint_score[at]

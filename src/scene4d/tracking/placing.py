@@ -1,4 +1,4 @@
-"""Where everything that was seen stands, before anybody knows whose track it is."""
+"""Ground positions of all detections, before association."""
 
 from dataclasses import replace
 
@@ -13,12 +13,12 @@ from scene4d.tracking._people import locate_people
 from scene4d.tracking._vehicles import locate_vehicles
 
 _HIDDEN_SHARE = 0.3
-"""Share of a box's lower edge that may be covered before it is not the object's own."""
+"""Largest covered share of a box's bottom edge for it to count as visible."""
 _NAME = f"<U{max(map(len, CLASSES))}"
 
 
 def known_classes(detections: Detections) -> tuple[Detections, int]:
-    """The rows of classes that a scene holds, and how many others there were."""
+    """The rows of classes that a scene can hold, and the number of other rows."""
     kept = np.isin(detections.class_name, CLASSES)
     few = detections.select(kept)
     return replace(few, class_name=few.class_name.astype(_NAME)), int((~kept).sum())
@@ -32,7 +32,7 @@ def place(
 ) -> Located:
     """Ground positions of people and vehicles.
 
-    ``bottom_hidden`` is that of :func:`bottoms_hidden`, in frames with all that was seen.
+    ``bottom_hidden`` is from :func:`bottoms_hidden`, computed on frames with all detections.
     """
     found = Located.nowhere(len(detections))
     people = detections.class_name == "person"
@@ -49,8 +49,8 @@ def place(
 
 
 def bottoms_hidden(detections: Detections) -> Bool[np.ndarray, "n"]:
-    """Boxes of whose lower edge another box of the frame, that reaches further down, covers more
-    than :data:`_HIDDEN_SHARE`: what stands before them hides where they touch the ground.
+    """Which boxes have their ground contact hidden: another box of the frame, which reaches
+    further down, covers more than :data:`_HIDDEN_SHARE` of their bottom edge.
     """
     hidden = np.zeros(len(detections), bool)
     order = np.argsort(detections.frame, kind="stable")
@@ -67,7 +67,7 @@ def bottoms_hidden(detections: Detections) -> Bool[np.ndarray, "n"]:
 def shared_covariance(
     calibration: Calibration, xy_m: Float[np.ndarray, "n 2"]
 ) -> Float[np.ndarray, "n 2 2"]:
-    """What the camera's own error adds to ground positions (n, 2); NaN where there is none."""
+    """Covariance of ground positions (n, 2) due to calibration error; NaN without a position."""
     found = np.full((len(xy_m), 2, 2), np.nan)
     rows = np.isfinite(xy_m).all(axis=1)
     camera = calibration.camera

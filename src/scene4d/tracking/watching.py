@@ -1,7 +1,7 @@
-"""Looking at footage, once: what the detectors see, in chunks.
+"""Runs the detectors over footage, once, in chunks.
 
-What is seen in recorded footage goes into a log that survives a kill. A stream never comes back, so
-it has no log: what it shows becomes part of the scene chunk by chunk.
+Detections in recorded footage go into a log, so a killed run can resume. A stream cannot be
+replayed, so it has no log; its results are added to the scene chunk by chunk.
 """
 
 import hashlib
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
     from scene4d.perception.objects import ObjectDetector
 
 _CHUNK_S = 10.0
-"""Footage in one chunk: what is lost at most when a run over a recording is killed."""
+"""Length of a chunk: the most that is lost when a run over a recording is killed."""
 _LOGS = "detections"
-"""Folder in a scene for what the detectors saw; it may be removed once a run is complete."""
+"""Folder in a scene for the detections; it may be removed once a run is complete."""
 _CHECK_EVERY = 10
-"""One in so many frames is compared with the calibrated scene."""
+"""Every tenth frame is compared with the calibrated view."""
 _EARLY_S = 1e-6
-"""A frame this much before its slot is in it: times are sums of rounded fractions."""
+"""A frame this much before a slot still belongs to it, because times carry rounding errors."""
 
 
 def watched(footage: Source, job: Job) -> Iterator[Look]:
-    """What is seen in recorded footage: what an earlier run logged, then what is new.
+    """Detections in recorded footage: first those an earlier run logged, then new ones.
 
-    Raises :class:`InputError` where the camera moved, within the footage or since it was
-    calibrated, and where the footage has no clock.
+    Raises :class:`InputError` if the camera moved, within the footage or since it was calibrated,
+    or if the footage has no clock.
     """
     run = job.run
     folder = run.scene / _LOGS / file_name(run.run, "run")
@@ -69,8 +69,8 @@ def watched(footage: Source, job: Job) -> Iterator[Look]:
 
 
 def watched_live(stream: Source, job: Job) -> Iterator[Look]:
-    """What is seen in a stream until it ends or Ctrl-C is pressed (or SIGTERM, which the command
-    line takes for it). Raises :class:`InputError` where the camera moved.
+    """Detections in a stream until it ends or Ctrl-C is pressed (the command line treats SIGTERM
+    the same). Raises :class:`InputError` if the camera moved.
     """
     objects, monitor = _detectors(job), _ViewMonitor(stream, job)
     with job.progress.stage("Watching people and vehicles", None) as step:
@@ -83,7 +83,7 @@ def watched_live(stream: Source, job: Job) -> Iterator[Look]:
 
 
 def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
-    """All that detections depend on."""
+    """Everything that the detections depend on."""
     from importlib.metadata import version
 
     from scene4d.perception.weights import WEIGHTS
@@ -107,7 +107,7 @@ def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
 
 
 def calibrated_view(path: Path | None, image_size: tuple[int, int]) -> np.ndarray | None:
-    """The scene as it was calibrated, or None where nobody kept it or its size is another."""
+    """The view as calibrated; None if it was not kept or its size differs."""
     if path is None or not path.is_file():
         return None
     import cv2
@@ -146,7 +146,7 @@ def _is_onnx(chosen: str | Path) -> bool:
 
 
 def _identity(chosen: str | Path | None) -> str | None:
-    """A detector's name, and of a file what is in it."""
+    """A detector's name, and for a file the hash of its content."""
     if chosen is None or not _is_onnx(chosen):
         return None if chosen is None else str(chosen)
     try:
@@ -157,14 +157,14 @@ def _identity(chosen: str | Path | None) -> str | None:
 
 
 def _chunks(source: Source, rate_hz: float) -> list[Int[np.ndarray, "m"]]:
-    """Indices of the frames looked at, in each 1/rate of a second the first one, by chunk, without
-    empty chunks. Raises :class:`InputError` where the source has no clock.
+    """Indices of the sampled frames (the first in each 1/rate of a second), by chunk, without
+    empty chunks. Raises :class:`InputError` if the source has no clock.
     """
     timeline = source.timeline
     assert timeline is not None
     if not timeline.has_clock:
         raise InputError(
-            f"{source.name}: images have no times, and a track needs them: make a video of them, "
+            f"{source.name}: images have no times, and tracking needs them: make a video of them, "
             "or give annotations with their fps"
         )
     slot = np.floor(timeline.time_s * rate_hz + _EARLY_S)
@@ -175,7 +175,7 @@ def _chunks(source: Source, rate_hz: float) -> list[Int[np.ndarray, "m"]]:
 
 
 def _thinned(frames: Iterator[Frame], rate_hz: float) -> Iterator[Frame]:
-    """In each 1/rate of a second the first frame."""
+    """The first frame in each 1/rate of a second."""
     slot = -1
     for frame in frames:
         now = int(np.floor(frame.time_s * rate_hz + _EARLY_S))
@@ -185,7 +185,7 @@ def _thinned(frames: Iterator[Frame], rate_hz: float) -> Iterator[Frame]:
 
 
 def _timed_frames(frames: Iterator[Frame], job: Job, step: Advance) -> Iterator[Frame]:
-    """The frames, with the time that it took to have them; progress is shown as they go."""
+    """The frames; records the decoding time and reports progress."""
     while True:
         with timed(job.run.timings, "decode"):
             frame = next(frames, None)
@@ -203,9 +203,9 @@ def _looks(
     *,
     endless: bool = False,
 ) -> Iterator[Look]:
-    """What the detectors see, chunk by chunk, with an empty look for a chunk without frames.
+    """Detections, chunk by chunk, with an empty look for a chunk without frames.
 
-    Ctrl-C ends the watching of ``endless`` frames, which have no other end; elsewhere the run.
+    For ``endless`` frames Ctrl-C ends the loop normally; otherwise it ends the run.
     """
     seen: list[_Moment] = []
     chunk = 0
@@ -226,7 +226,7 @@ def _looks(
 
 
 _Moment = tuple[Frame, Detections, np.ndarray]
-"""A frame, what was detected in it, and what that looks like."""
+"""A frame, its detections, and their appearance."""
 
 
 def _look(seen: list[_Moment], image_size: tuple[int, int]) -> Look:
@@ -239,7 +239,7 @@ def _look(seen: list[_Moment], image_size: tuple[int, int]) -> Look:
 
 
 class _ViewMonitor:
-    """Whether the view stays the one that was calibrated."""
+    """Checks that the view is still the calibrated one."""
 
     def __init__(self, source: Source, job: Job) -> None:
         from scene4d.video.motion import MotionMonitor
@@ -257,19 +257,19 @@ class _ViewMonitor:
             return
         name = "background" if job.background is None else job.background.name
         job.run.warnings.append(
-            f"There is no {name} beside the camera file, so whether the camera has moved since it "
-            "was calibrated was not checked."
+            f"There is no {name} beside the camera file, so it was not checked whether the camera "
+            "has moved since it was calibrated."
         )
 
     def add(self, frame: Frame) -> None:
-        """Compare some of the frames."""
+        """Compare every tenth frame with the calibrated view."""
         with timed(self._timings, "does it move"):
             if self._seen % _CHECK_EVERY == 0:
                 self._compare(frame)
         self._seen += 1
 
     def resume(self, source: Source, indices: Int[np.ndarray, "n"]) -> None:
-        """Compare again what an earlier run compared, so that it is judged alike."""
+        """Compare the frames of an earlier run again, so that the verdict is the same."""
         for frame in source.frames(indices[::_CHECK_EVERY].tolist()):
             self._compare(frame)
         self._seen = len(indices)
@@ -280,7 +280,7 @@ class _ViewMonitor:
             self._since.add(frame.image_bgr, frame.time_s)
 
     def check(self) -> None:
-        """Raise :class:`InputError` where the view is another one."""
+        """Raise :class:`InputError` if the view has changed."""
         within, since = self._within.verdict(), self._since.verdict()
         if within.moved:
             raise InputError(f"{self._name}: {within.reason}")
