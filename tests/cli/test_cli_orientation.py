@@ -7,8 +7,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from cli_scenes import SIZE, save_images
 
+from cli_scenes import SIZE, save_images
 from scene4d.core.camera import Camera
 from scene4d.core.orientation import Orientation
 from scene4d.perception.orientation import Belief, PoseReader
