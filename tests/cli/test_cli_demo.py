@@ -45,10 +45,10 @@ def test_without_a_network_it_ends_with_camera_and_report_and_says_so(run, no_ne
     assert found["status"] == "ok" and found["people_from"] == "embedded table"
     assert found["height_m"] == pytest.approx(7.07, rel=0.1)
     assert found["tilt_deg"] == pytest.approx(16.48, abs=2)
-    assert any("sample video could not be had" in w for w in found["warnings"])
-    assert "vtest.avi" in done.stderr and "going on from people" in done.stderr
+    assert any("sample video could not be downloaded" in w for w in found["warnings"])
+    assert "vtest.avi" in done.stderr and "continuing with people" in done.stderr
     assert all(line.startswith("scene4d: ") for line in done.stderr.splitlines())
-    assert "could not be had" in (out / "report.html").read_text()
+    assert "could not be downloaded" in (out / "report.html").read_text()
     assert (out / "figures" / "overlay.png").exists()
 
 
@@ -64,7 +64,7 @@ def test_with_the_video_but_no_networks_the_report_shows_the_scene(
     )
     done = run("demo", "--out", tmp_path / "out")
     assert done.exit_code == 0, done.stderr
-    assert "networks could not be had" in " ".join(done.stdout.split())
+    assert "networks could not be downloaded" in " ".join(done.stdout.split())
     assert "the network is closed" in done.stderr
     assert PUBLISHED in done.stdout and str(tmp_path / "out" / "report.html") in done.stdout
     assert shown[0].shape == (576, 768, 3)

@@ -73,9 +73,9 @@ def test_the_folder_and_its_use_for_calibrate(run, network, pictures, known, cam
 def test_what_the_picture_does_not_tell_is_said_in_words(run, network, pictures, scene):
     network(Belief.even())
     everything = run("orientation", pictures)
-    assert "does not tell how the camera is turned" in everything.stdout
+    assert "do not determine the orientation" in everything.stdout
     some = run("orientation", pictures, "--lens", scene["lens"])
-    assert "does not tell the roll or the tilt." in some.stdout
+    assert "do not determine the roll or the tilt." in some.stdout
     assert "1100 px (given)" in some.stdout
 
 
@@ -122,7 +122,7 @@ def test_the_papers_method_from_end_to_end(run, network, footage, camera, tmp_pa
     again = run(*footage, "--method", "paper", "--out", tmp_path / "a", "--json")
     assert json.loads(again.stdout)["tilt_deg"] == found["tilt_deg"], "auto means the network here"
     people = run(*footage, "--method", "paper", "--orientation", "people", "--out", tmp_path / "p")
-    assert people.exit_code == 2 and "say network" in people.stderr
+    assert people.exit_code == 2 and "use network" in people.stderr
 
 
 def test_boxes_become_a_camera_by_the_networks_guess(run, network, footage, camera, tmp_path):
@@ -158,6 +158,6 @@ def test_a_wrong_guess_is_dropped_and_both_numbers_are_said(
 
 def test_people_without_pictures_are_not_silently_alone(run, known, tmp_path, plain_report):
     done = run(*known, "--out", tmp_path / "o", "--json")
-    assert any("no pictures" in text for text in json.loads(done.stdout)["warnings"])
+    assert any("no images" in text for text in json.loads(done.stdout)["warnings"])
     asked = run(*known, "--orientation", "network", "--out", tmp_path / "n")
     assert asked.exit_code == 1 and "needs pictures" in asked.stderr

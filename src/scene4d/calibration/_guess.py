@@ -66,13 +66,13 @@ def solve_guided(
         return _saying(alone, f"{text} The reading was left out.")
     return _saying(
         found,
-        "The people alone do not determine this camera; it also rests on the orientation "
-        f"network's reading, which is a guess: {_words(stated)}.",
+        "The people alone do not determine this camera; it also uses the orientation "
+        f"network's estimate, which is a guess: {_words(stated)}.",
     )
 
 
 def _without(alone: Calibration, text: str) -> Calibration:
-    """The people's answer although the pictures contradict it; a refusal where few people agree."""
+    """The camera from people alone, against the network; a refusal if few people agree."""
     share = alone.inliers / max(alone.people, 1)
     if share >= verdict.FEW_INLIERS:
         return _saying(alone, f"{text} The reading was left out.")
@@ -84,25 +84,22 @@ def _without(alone: Calibration, text: str) -> Calibration:
         residual=None,
         ground_error_m=None,
         ground_error_from_camera_m=None,
-        reason=f"only {share:.0%} of the sightings agree with one camera, and what the orientation "
-        "network reads in the pictures contradicts it; needed: people who stand upright on the "
-        'same plane, or a lens file (lens), or orientation="people" if the pictures mislead',
+        reason=f"only {share:.0%} of the sightings agree with one camera, and the orientation "
+        "network's estimate contradicts it; needed: people who stand upright on the same plane, or "
+        'a lens file (lens), or orientation="people" if the images are misleading',
         warnings=(*alone.warnings, text),
     )
 
 
 def contradicted(alone: Calibration, stated: Orientation) -> str:
-    """A sentence that names what the people contradict, or an empty text."""
+    """A sentence that names the contradicted values, or an empty text."""
     apart = [
         f"{name} {said} against {found}"
         for name, said, found in verdict.disagreements(alone, stated)
     ]
     if not apart:
         return ""
-    return (
-        "The orientation network's reading of the pictures contradicts what the people show: "
-        f"{'; '.join(apart)}."
-    )
+    return f"The orientation network's estimate contradicts the people: {'; '.join(apart)}."
 
 
 def as_guess(stated: Orientation) -> Orientation | None:

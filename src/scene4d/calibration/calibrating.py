@@ -18,8 +18,7 @@ from scene4d.core.progress import Progress, Silent, timed
 
 _DEFAULT = CalibrateOptions()
 NO_PICTURES = (
-    "There are no pictures to show to the orientation network, so the camera rests on the people "
-    "alone."
+    "There are no images for the orientation network, so the camera is based on the people alone."
 )
 
 

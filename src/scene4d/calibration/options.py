@@ -1,4 +1,4 @@
-"""What a user may say about a calibration: one object from the command line to the solver."""
+"""The options of a calibration: one object from the command line to the solver."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,36 +11,36 @@ from scene4d.core.orientation import Orientation
 METHODS = ("joint", "paper")
 CONSENSUS = ("exact", "ransac")
 _POPULATION_SIGMA_M = 0.03
-"""How well the mean height of the people in front of a camera is known. Chosen: national means of
-adults of both sexes differ by about this much (METHOD section 4)."""
+"""Standard deviation of the mean height of the people in a scene. Chosen: national means of adults
+of both sexes differ by about this much (METHOD section 4)."""
 _WORDS = ("auto", "people", "network")
 
 
 @dataclass(frozen=True)
 class CalibrateOptions:
-    """How to calibrate, and what is known beforehand.
+    """How to calibrate, and the known values.
 
-    Footage: ``frames`` to look at (default: one a second, 100 to 200), ``annotations`` (a file of
-    boxes or keypoints, of the ``format`` named or the one it looks like) instead of the detector,
-    with ``drop_invalid`` instead of refusing a file with impossible boxes, and ``image_size``
-    where there is no footage.
+    Input: ``frames`` is how many to use (default: one per second, 100 to 200). ``annotations`` is a
+    file of boxes or keypoints to use instead of the detector, in the given ``format`` or the one
+    that the file shows; with ``drop_invalid``, impossible boxes are skipped instead of refusing the
+    file. ``image_size`` is needed if there is no footage.
 
-    Known beforehand: ``person_height_m`` is the mean height of the people, shoes included, and
-    ``population_sigma_m`` how well it is known. ``lens`` (a camera file, or a :class:`Lens`) fixes
-    intrinsics and distortion; with ``estimate_focal`` the distortion alone. ``orientation`` is
-    ``"auto"`` (the orientation network guesses, and the people may overrule it), ``"people"``
-    (without the network), ``"network"`` (the network is believed), a JSON file or an
-    :class:`Orientation`. The paper's method takes the network's reading for ``"auto"``, too.
+    Known values: ``person_height_m`` is the mean height of the people, shoes included, and
+    ``population_sigma_m`` its standard deviation. ``lens`` (a camera file, or a :class:`Lens`)
+    fixes intrinsics and distortion; with ``estimate_focal`` only the distortion. ``orientation`` is
+    ``"auto"`` (the orientation network's estimate is a guess that the people can overrule),
+    ``"people"`` (no network), ``"network"`` (the network's estimate is used as is), a JSON file or
+    an :class:`Orientation`. The paper's method uses the network's estimate for ``"auto"`` too.
 
     Solver: ``method`` ``"joint"`` estimates everything together; ``"paper"`` takes focal length,
     tilt and roll from the orientation and solves for the height alone (Wagner et al. 2019), by the
     ``consensus`` ``"exact"`` or, as published, ``"ransac"``. ``lines`` uses the straight edges of
-    the scene, ``estimate_distortion`` finds a radial coefficient where no lens is given.
-    ``foot_height_m`` is the height of the foot points (of boxes: 0) above the ground.
-    ``systematics`` adds the errors that all people of real footage share and counts the places of
-    one track as correlated. ``seed`` is that of all sampling.
+    the scene, ``estimate_distortion`` estimates a radial coefficient if no lens is given.
+    ``foot_height_m`` is the height of the foot points (0 for boxes) above the ground.
+    ``systematics`` adds the errors that all people of real footage share and treats the places of
+    one track as correlated. ``seed`` is the seed of all sampling.
 
-    Raises :class:`InputError` for values that make no sense, naming the field.
+    Raises :class:`InputError` for values out of range, naming the field.
     """
 
     lens: str | Path | Lens | None = None
@@ -88,12 +88,12 @@ class CalibrateOptions:
 
     @property
     def uses_network(self) -> bool:
-        """Whether the orientation network looks at the pictures."""
+        """Whether the orientation network is used."""
         return self.orientation in ("auto", "network")
 
     @property
     def needs_network(self) -> bool:
-        """Whether there is no answer without it: the paper's method is given the orientation."""
+        """Whether there is no result without it: the paper's method needs an orientation."""
         return self.orientation == "network" or (self.uses_network and self.method == "paper")
 
     @property
@@ -104,17 +104,17 @@ class CalibrateOptions:
 
     @property
     def known_orientation(self) -> Orientation | None:
-        """The orientation that the user states, once its file has been read (:meth:`read`)."""
+        """The user's orientation, once its file has been read (:meth:`read`)."""
         return self.orientation if isinstance(self.orientation, Orientation) else None
 
     @property
     def fixed_focal_px(self) -> float | None:
-        """The focal length of the lens where it is believed; it outranks an orientation's."""
+        """The focal length of the lens, if it is used; it outranks an orientation's."""
         lens = self.known_lens
         return None if lens is None or self.estimate_focal else float(lens.K[0, 0])
 
     def read(self, image_size: tuple[int, int]) -> "CalibrateOptions":
-        """The same with ``lens`` and ``orientation`` read from their files, for such images."""
+        """A copy with ``lens`` and ``orientation`` read from their files, for this image size."""
         lens, orientation = self.lens, self.orientation
         if isinstance(lens, Lens):
             lens = lens.scaled_to(image_size)
@@ -130,4 +130,4 @@ class CalibrateOptions:
 POINTS = CalibrateOptions(
     orientation="people", population_sigma_m=0.0, estimate_distortion=False, systematics=False
 )
-"""For bare points: they are what they are said to be, and uncertainties are conditional on it."""
+"""For bare points: no prior and no systematic errors; uncertainties are conditional on that."""

@@ -1,4 +1,4 @@
-"""Looking at footage once: people, whether the camera moves, the scene's edges."""
+"""One pass over the footage: people, camera motion, the scene's edges, orientation."""
 
 import warnings
 from dataclasses import dataclass, field, replace
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from scene4d.video.frames import Frame, Source
 
 _ROUGH_FRAMES = 12
-"""So many frames give a camera good enough to tell the detector how large people are where."""
+"""Frames for a rough camera, which tells the detector how large people are in each row."""
 _NETWORK_FRAMES = 32
-"""So many frames are shown to the orientation network for a guess: their errors are nearly the
-same. Where it alone is believed, all are, up to :data:`.MOST_FRAMES`."""
+"""Frames for the orientation network if its estimate is only a guess: the errors of frames are
+nearly the same. If its estimate is used as is: all frames, up to :data:`.MOST_FRAMES`."""
 
 
 @dataclass
 class Seen:
-    """What the footage showed; ``reading`` is None where the orientation network did not look."""
+    """What the footage shows; ``reading`` is None if the orientation network was not used."""
 
     detections: Detections
     frames: int
@@ -42,7 +42,7 @@ class Seen:
 
 
 def solved(seen: Seen, options: CalibrateOptions) -> Calibration:
-    """The calibration of what was seen, with what was noticed on the way among its warnings.
+    """The calibration from what was seen; notes made while watching are among its warnings.
 
     The files that ``options`` name must have been read (:meth:`CalibrateOptions.read`).
     """
@@ -63,7 +63,7 @@ def solved(seen: Seen, options: CalibrateOptions) -> Calibration:
 
 
 def fetch_weights(progress: Progress, *, vehicles: bool = False) -> None:
-    """Get the networks that are missing, those for vehicles only where they are wanted.
+    """Download missing networks, those for vehicles only if ``vehicles``.
 
     Raises as :func:`perception.weights.fetch_all`.
     """
@@ -86,7 +86,7 @@ def fetch_weights(progress: Progress, *, vehicles: bool = False) -> None:
 
 
 def annotated(options: CalibrateOptions, image_size: tuple[int, int], fps: float | None) -> Seen:
-    """What an annotation file says was seen, instead of a detector."""
+    """People from an annotation file instead of a detector."""
     assert options.annotations is not None
     detections, notes = noted_annotations(
         options.annotations,
@@ -101,7 +101,7 @@ def annotated(options: CalibrateOptions, image_size: tuple[int, int], fps: float
 def noted_annotations(
     path: str | Path, image_size: tuple[int, int], fps: float | None, **reading: Any
 ) -> tuple[Detections, list[str]]:
-    """The boxes of a file, and what its reader warns of, as sentences.
+    """The boxes of a file, and its reader's warnings as sentences.
 
     ``reading`` are further parameters of :func:`.read_annotations`.
     """
@@ -116,8 +116,8 @@ def noted_annotations(
 def watch(
     footage: "Source", options: CalibrateOptions, progress: Progress, timings: dict[str, float]
 ) -> Seen:
-    """Look at sampled frames once: people, whether the camera moves, the scene's edges, and what
-    the orientation network reads.
+    """Process sampled frames once: people, camera motion, the scene's edges, and the orientation
+    network's estimate.
 
     The files that ``options`` name must have been read (:meth:`CalibrateOptions.read`).
     """
@@ -184,19 +184,19 @@ def _reader(
 def _offered(
     reader: OrientationReader, frame: "Frame", options: CalibrateOptions, notes: list[str]
 ) -> bool:
-    """Show the network a frame; false, with a note, where it cannot see and is not needed."""
+    """Show the network a frame; false, with a note, if it fails and is not needed."""
     try:
         reader.offer(frame)
     except InputError as error:
         if options.needs_network:
             raise
-        notes.append(f"The people alone were used: {error}.")
+        notes.append(f"Only the people were used: {error}.")
         return False
     return True
 
 
 def drop_stationary(seen: Seen) -> None:
-    """Take out what never moves, and note how many sightings that were."""
+    """Remove sightings that never move, and note how many."""
     from scene4d.perception.stationary import stationary
 
     still = stationary(seen.detections)
@@ -211,7 +211,7 @@ def drop_stationary(seen: Seen) -> None:
 def _people_detector(
     footage: "Source", options: CalibrateOptions, progress: Progress
 ) -> "PeopleDetector":
-    """The default detector; where it needs tiles, a rough camera first tells it where."""
+    """The default detector; if it needs tiles, a rough camera first shows it where."""
     from scene4d.perception.detectors.tiles import choose_tiles
     from scene4d.perception.detectors.yolox import YoloxDetector
     from scene4d.perception.people import PeopleDetector, detect_people
@@ -241,7 +241,7 @@ def _people_detector(
 
 
 def person_px(camera: Camera, rows: np.ndarray, person_height_m: float) -> np.ndarray:
-    """Height in pixels of a person with feet at image ``rows``, mid-width; NaN: nobody can be."""
+    """Height in pixels of a person with feet at image ``rows``, mid-width; NaN off the ground."""
     middle = np.full(len(rows), (camera.image_size[0] - 1) / 2)
     xy, valid = camera.locate(np.column_stack([middle, rows]))
     head, seen = camera.project(np.column_stack([xy, np.full(len(xy), person_height_m)]))

@@ -1,4 +1,4 @@
-"""The command line: one thin file per command; nothing heavy is imported before a command runs."""
+"""The command line: one thin file per command; heavy modules load only when a command runs."""
 
 import os
 import signal
@@ -8,8 +8,8 @@ from types import FrameType
 
 def main() -> None:
     """Run ``scene4d`` on the arguments of this process, and end it with the exit code."""
-    # onnxruntime from 1.29 on reports its use to its maker, from the moment it is imported.
-    # Whoever watches a camera must not be surprised by that.
+    # onnxruntime 1.29 and later sends telemetry as soon as it is imported. Camera footage is
+    # sensitive, so this is switched off.
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
     try:
         from scene4d.cli.app import app
@@ -29,7 +29,7 @@ def _terminated(signal_number: int, frame: FrameType | None) -> None:
 
 
 def _end(text: str, code: int) -> None:
-    """One line, and the exit code; what stdout could not take is not tried again."""
+    """Write one line to stderr and exit at once, without flushing stdout again."""
     sys.stderr.write(f"scene4d: {text}\n")
     sys.stderr.flush()
     os._exit(code)

@@ -1,4 +1,4 @@
-"""``scene4d activities``: what can be searched for, and how to ask for it."""
+"""``scene4d activities``: what can be searched for, and in which words."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,12 +16,12 @@ def activities(
         list[Path] | None,
         typer.Option(
             metavar="FILE",
-            help="YAML file of your own activities, beside the built-in ones. May be repeated.",
+            help="YAML file with your own activities, added to the built-in ones. Repeatable.",
             show_default=False,
         ),
     ] = None,
 ) -> Answer:
-    """List the activities that search knows, with words that ask for each.
+    """List the activities that search knows, with an example search for each.
 
     [bold]Examples[/bold]
 

@@ -1,4 +1,4 @@
-"""The program ``scene4d``: its commands, and what concerns all of them."""
+"""The program ``scene4d``: its commands, and what they share."""
 
 import sys
 from collections.abc import Sequence
@@ -21,18 +21,18 @@ from scene4d.cli.search import search
 from scene4d.cli.track import track
 
 _EPILOG = """
-Begin with [bold]scene4d demo[/bold]. Every command explains itself with [bold]--help[/bold].
+Start with [bold]scene4d demo[/bold]. Every command has [bold]--help[/bold].
 
 Results go to standard output, progress and messages to standard error.
-With --json a command prints exactly one JSON object, also when it fails.
-Exit codes: 0 done; 1 could not, and says why; 2 wrong usage; 130 interrupted by Ctrl-C.
+With --json a command prints exactly one JSON object, even if it fails.
+Exit codes: 0 done; 1 failed, with a reason; 2 wrong usage; 130 interrupted by Ctrl-C.
 
 SCENE4D_CACHE names the folder for networks and samples. SCENE4D_DEBUG=1 shows tracebacks.
 """
 
 
 class _Program(TyperGroup):
-    """The commands; wrong usage is told in JSON where JSON was asked for."""
+    """The commands; with ``--json``, wrong usage is reported in JSON too."""
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **options: Any) -> Any:
         """Run the command that ``args`` names, and end the process."""

@@ -1,4 +1,4 @@
-"""Options that several commands share, the words they are read from, and how help is laid out."""
+"""Parsing of options that several commands share, and the layout of help texts."""
 
 import inspect
 import math
@@ -36,7 +36,7 @@ def parse_person_height(text: str) -> float:
 def reflowed(doc: str | None) -> str:
     """A docstring whose paragraphs are one line each, so that they wrap at the terminal's width.
 
-    Lines that are indented, the examples, stay as they are.
+    Indented lines (the examples) stay as they are.
     """
     paragraphs = inspect.cleandoc(doc or "").split("\n\n")
     return "\n\n".join(p if p.startswith(" ") else " ".join(p.split()) for p in paragraphs)

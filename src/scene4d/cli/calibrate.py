@@ -23,8 +23,8 @@ class Method(StrEnum):
 
 
 _PLAIN = str.maketrans({"\N{MINUS SIGN}": "-", "\N{NO-BREAK SPACE}": " ", "\u202f": " "})
-"""What people copy from a terminal must be what programs read."""
-_FOOTAGE, _KNOWN, _SOLVER = "What is looked at", "What is known beforehand", "How it is solved"
+"""Typographic characters become ASCII, so that copied numbers can be parsed."""
+_FOOTAGE, _KNOWN, _SOLVER = "Input", "Known values", "Solver"
 
 
 @command("calibrate")
@@ -35,7 +35,7 @@ def calibrate(
         typer.Argument(
             metavar="SOURCE",
             help="Video, image, folder of images, quoted glob, or stream address (rtsp://...). "
-            "May be left out with --annotations and --image-size.",
+            "Optional with --annotations and --image-size.",
             show_default=False,
         ),
     ] = None,
@@ -44,8 +44,8 @@ def calibrate(
         Path,
         typer.Option(
             metavar="DIR",
-            help="Folder for camera.json, report.html, figures/ and people.parquet; made if it "
-            "is not there.",
+            help="Folder for camera.json, report.html, figures/ and people.parquet; created if it "
+            "does not exist.",
             show_default=False,
         ),
     ],
@@ -54,7 +54,7 @@ def calibrate(
         typer.Option(
             min=1,
             metavar="N",
-            help="Look at N frames spread over the footage. Default: one a second, 100 to 200.",
+            help="Use N frames spread over the footage. Default: one per second, 100 to 200.",
             rich_help_panel=_FOOTAGE,
             show_default=False,
         ),
@@ -63,7 +63,7 @@ def calibrate(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Boxes or keypoints of people instead of the built-in detector: MOTChallenge, "
+            help="Use these boxes or keypoints instead of the built-in detector: MOTChallenge, "
             "COCO, KPF, PETS XML, TownCentre.",
             rich_help_panel=_FOOTAGE,
             show_default=False,
@@ -73,7 +73,7 @@ def calibrate(
         str | None,
         typer.Option(
             metavar="WxH",
-            help="Size of the images that the annotations were made on, if there is no SOURCE.",
+            help="Size of the annotated images, if there is no SOURCE.",
             rich_help_panel=_FOOTAGE,
             show_default=False,
         ),
@@ -83,7 +83,7 @@ def calibrate(
         typer.Option(
             "--format",
             metavar="NAME",
-            help="Format of --annotations, where it is not clear from the file: mot, coco, kpf, "
+            help="Format of --annotations, if the file does not show it: mot, coco, kpf, "
             "pets, towncentre-csv, towncentre-top, virat.",
             rich_help_panel=_FOOTAGE,
             show_default=False,
@@ -93,8 +93,8 @@ def calibrate(
         bool,
         typer.Option(
             "--drop-invalid",
-            help="Leave out impossible boxes of --annotations, with a warning, instead of "
-            "refusing the file.",
+            help="Skip impossible boxes in --annotations, with a warning, instead of refusing the "
+            "file.",
             rich_help_panel=_FOOTAGE,
         ),
     ] = False,
@@ -102,7 +102,7 @@ def calibrate(
         str,
         typer.Option(
             metavar="METRES",
-            help="Mean height of the people, shoes included: the scale of everything.",
+            help="Mean height of the people, shoes included. It sets the scale.",
             rich_help_panel=_KNOWN,
         ),
     ] = "1.70",
@@ -110,7 +110,7 @@ def calibrate(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Camera file of any known format whose focal length and distortion are taken.",
+            help="Camera file in any known format; its focal length and distortion are used.",
             rich_help_panel=_KNOWN,
             show_default=False,
         ),
@@ -119,7 +119,7 @@ def calibrate(
         bool,
         typer.Option(
             "--estimate-focal",
-            help="Take the distortion alone from --lens and estimate the focal length.",
+            help="Take only the distortion from --lens and estimate the focal length.",
             rich_help_panel=_KNOWN,
         ),
     ] = False,
@@ -127,19 +127,19 @@ def calibrate(
         str,
         typer.Option(
             metavar="auto|people|network|FILE",
-            help="What is known of focal length, tilt and roll. auto: what the orientation "
-            "network reads in the pictures, as a guess that the people may overrule. people: "
-            "nothing. network: its reading is believed. FILE: JSON with focal_px, tilt_deg, "
-            "roll_deg and, if it is not exact, sigma, as scene4d orientation writes it.",
+            help="Prior for focal length, tilt and roll. auto: the orientation network's estimate, "
+            "as a guess that the people can overrule. people: no prior. network: the network's "
+            "estimate, used as is. FILE: JSON with focal_px, tilt_deg, roll_deg and, unless they "
+            "are exact, sigma, as scene4d orientation writes it.",
             rich_help_panel=_KNOWN,
         ),
     ] = "auto",
     method: Annotated[
         Method,
         typer.Option(
-            help="joint: focal length, tilt, roll, height and distortion together. paper: the "
-            "height alone, as Wagner et al. (2019), the rest read by the orientation network or "
-            "told by --orientation FILE.",
+            help="joint: focal length, tilt, roll, height and distortion together. paper: only the "
+            "height, as in Wagner et al. (2019); the rest comes from the orientation network or "
+            "from --orientation FILE.",
             rich_help_panel=_SOLVER,
         ),
     ] = Method.joint,
@@ -148,7 +148,7 @@ def calibrate(
         typer.Option(
             min=0,
             metavar="N",
-            help="Seed of random draws; the same seed gives the same camera.",
+            help="Random seed; the same seed gives the same camera.",
             rich_help_panel=_SOLVER,
         ),
     ] = 0,
@@ -156,10 +156,11 @@ def calibrate(
     """Calibrate a fixed camera from footage of people walking.
 
     Finds focal length, tilt, roll, lens distortion and height above the ground in metres, with
-    their uncertainty. Nothing is clicked or measured; the scale comes from how tall people are.
+    their uncertainty. Nothing is clicked or measured by hand; the scale comes from the mean height
+    of people.
 
-    The camera must stand still, the ground must be level where people walk, and at least three
-    people must be seen from head to foot; more people, near and far, left and right, are better.
+    The camera must not move, the ground must be level where people walk, and at least three people
+    must be visible from head to foot. More people, near and far, left and right, are better.
 
     [bold]Examples[/bold]
 
@@ -169,8 +170,8 @@ def calibrate(
       scene4d calibrate --annotations gt.txt --image-size 1920x1080 \\
           --lens lens.yaml --out mot
 
-    A camera that the people do not determine ends with exit code 1; camera.json and the report
-    then say what is missing.
+    If the people do not determine the camera, the exit code is 1, and camera.json and the report
+    say what is missing.
     """
     size = None if image_size is None else parse_image_size(image_size)
     height_m = parse_person_height(person_height)
@@ -180,7 +181,7 @@ def calibrate(
         )
     if method is Method.paper and orientation == "people":
         raise typer.BadParameter(
-            "the paper's method needs the camera's orientation: say network, give a FILE, or use "
+            "the paper's method needs the camera's orientation: use network, give a FILE, or use "
             "--method joint",
             param_hint="--orientation",
         )
@@ -208,7 +209,7 @@ def calibrate(
 
 
 def calibrated(found: "Calibration", out: Path, **more: Any) -> Answer:
-    """The answer that a calibration is; ``more`` are further fields."""
+    """A calibration as the answer of a command; ``more`` are further fields."""
     return Answer(
         found.to_dict() | {"out": str(out)} | more,
         lambda: _show(found, out),
@@ -218,7 +219,7 @@ def calibrated(found: "Calibration", out: Path, **more: Any) -> Answer:
 
 
 def _show(found: "Calibration", out: Path) -> None:
-    """The camera with its uncertainty, the warnings, and where everything lies."""
+    """Print the camera with its uncertainty, the warnings, and the paths of the files."""
     from rich.table import Table
 
     from scene4d.cli.output import screen

@@ -1,8 +1,7 @@
 """What all commands share: ``--json``, ``-q``, ``-v``, messages, errors and exit codes.
 
-A command is a function decorated by :func:`command`. It takes a :class:`Job` beside its own
-options, works, and returns an :class:`Answer`. What is printed of it, and how a failure ends, is
-decided here, once.
+A command is a function decorated by :func:`command`. It takes a :class:`Job` and its own options,
+and returns an :class:`Answer`. This module prints the answer and handles every failure.
 """
 
 import functools
@@ -37,42 +36,42 @@ P = ParamSpec("P")
 
 _Json = Annotated[
     bool,
-    typer.Option("--json", help="Print one JSON object to standard output, and nothing else."),
+    typer.Option("--json", help="Print one JSON object to standard output and nothing else."),
 ]
 _Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Show errors alone: no progress, no warnings.")
+    bool, typer.Option("--quiet", "-q", help="Show only errors: no progress, no warnings.")
 ]
 _Verbose = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Tell what is done, and how long each stage took.")
+    bool, typer.Option("--verbose", "-v", help="Show each stage and the time it took.")
 ]
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM: the work ends as by Ctrl-C, so that nothing half-written is left."""
+    """SIGTERM: the command ends as with Ctrl-C, so that no half-written file is left."""
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a command has to say: ``fields`` to programs, what ``show`` draws to people."""
+    """The result of a command: ``fields`` for ``--json``; ``show`` prints it for people."""
 
     fields: Mapping[str, Any]
     show: Callable[[], None]
     warnings: Sequence[str] = ()
-    """Of these ``show`` tells people."""
+    """``show`` prints these too."""
     undetermined: str | None = None
-    """Why the work, though done, has no result: exit code 1."""
+    """Why the command ran but has no result: exit code 1."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """How a command was asked to talk."""
+    """The output options of a command."""
 
     as_json: bool = False
     quiet: bool = False
     verbose: bool = False
 
     def progress(self) -> AbstractContextManager[Progress]:
-        """Who shows the progress of the command."""
+        """The progress display of the command."""
         from scene4d.cli.progress import shown
 
         return nullcontext(Silent()) if self.quiet else shown(verbose=self.verbose)
@@ -81,7 +80,7 @@ class Job:
 def command(
     name: str,
 ) -> Callable[[Callable[Concatenate[Job, P], Answer]], Callable[..., None]]:
-    """The command ``scene4d NAME``, with the options that all commands have."""
+    """Make the command ``scene4d NAME``, with the options that all commands have."""
 
     def decorated(work: Callable[Concatenate[Job, P], Answer]) -> Callable[..., None]:
         @functools.wraps(work)
@@ -124,7 +123,7 @@ def _add_options(run: Callable[..., None], work: Callable[..., Answer]) -> None:
 
 
 def _run(name: str, work: Callable[[], Answer], messages: "_Messages", *, as_json: bool) -> int:
-    """Do the work and tell the result, or what went wrong; the exit code."""
+    """Run the command and print the result or the error; return the exit code."""
     try:
         answer = work()
         if answer.undetermined is not None:
@@ -172,7 +171,7 @@ def envelope(
     warnings: Sequence[str] = (),
     error: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The one object of ``--json``: the same first four keys from every command, then its own."""
+    """The object of ``--json``: four keys that every command has, then the command's own."""
     head = {
         "schema": f"scene4d/{name}/1",
         "version": version("scene4d"),
@@ -183,13 +182,13 @@ def envelope(
 
 
 def usage_envelope(name: str, message: str) -> dict[str, Any]:
-    """What ``--json`` prints where the options themselves are wrong."""
+    """What ``--json`` prints when the options are wrong."""
     remedy = f"scene4d {name} --help".replace("  ", " ")
     return envelope(name, {}, error={"kind": "usage", "message": message, "remedy": remedy})
 
 
 def _failure(kind: str, text: str) -> dict[str, Any]:
-    """An error for programs. By convention what comes after a message's last semicolon helps."""
+    """An error for ``--json``. By convention the text after the last semicolon is the remedy."""
     _, semicolon, remedy = text.rpartition("; ")
     return {"kind": kind, "message": text, "remedy": remedy if semicolon else None}
 
@@ -216,7 +215,7 @@ def _tell_defect(error: Exception) -> dict[str, Any]:
 
 
 class _Messages(logging.Handler):
-    """What the library logs and warns of: told on stderr while the command runs, and kept."""
+    """The library's log records and warnings: written to stderr at once, and kept."""
 
     def __init__(self, *, quiet: bool, verbose: bool) -> None:
         super().__init__(logging.DEBUG if verbose else logging.WARNING)
@@ -224,7 +223,7 @@ class _Messages(logging.Handler):
         self.heard: list[str] = []
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Tell one message."""
+        """Write one message to stderr; keep it if it is a warning."""
         text = record.getMessage()
         if record.levelno < logging.WARNING:
             say(f"scene4d: {text}")
@@ -262,9 +261,9 @@ class _Messages(logging.Handler):
 
 @contextmanager
 def output_folder(out: Path | None) -> Iterator[None]:
-    """Make the folder before any work is done; if the work fails, take away what was made here.
+    """Make the folder before the work starts; if the work fails, remove what was made here.
 
-    Without a folder nothing is made. Raises :class:`OutputError` where it cannot be written.
+    Without a folder nothing is made. Raises :class:`OutputError` if it cannot be written.
     """
     if out is None:
         yield
@@ -277,7 +276,7 @@ def output_folder(out: Path | None) -> Iterator[None]:
         ensure_folder(out)
         yield
     except BaseException:
-        with suppress(OSError):  # not empty: somebody else uses it
+        with suppress(OSError):  # not empty: something else uses it
             for folder in made:
                 folder.rmdir()
         raise

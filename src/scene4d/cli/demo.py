@@ -1,4 +1,4 @@
-"""``scene4d demo``: a first calibration, on footage whose true camera is published."""
+"""``scene4d demo``: a first calibration, on footage with a published reference camera."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -25,9 +25,9 @@ PUBLISHED = "height 7.07 m, tilt 16.48°, roll -3.09°"
 
 _SEARCH = "a person walks faster than 1 m/s for more than 2 seconds"
 _RATE_HZ = 5.0
-"""Half of the default: the demo is to end within a minute."""
+"""Half of the default, so that the demo ends within a minute."""
 _TRACKED_S = 20.0
-"""Seconds of the sample that are tracked: some people and both parked cars are in them."""
+"""Seconds of the sample that are tracked; they show some people and both parked cars."""
 
 
 @command("demo")
@@ -37,12 +37,12 @@ def demo(
         Path, typer.Option(metavar="DIR", help="Folder for the camera, the scene and the pages.")
     ] = Path("scene4d-demo"),
 ) -> Answer:
-    """Show the whole chain on a sample video: camera, tracks, one search, and their pages.
+    """Run the whole pipeline on a sample video: camera, tracks, one search, and their pages.
 
-    The sample is 80 seconds of people on a campus (PETS 2009, University of Reading), whose true
-    camera is published. It and the networks are fetched once, about 100 and 70 MB. Where they
-    cannot be had, the demo says so and calibrates from people that scene4d detected in this video
-    beforehand.
+    The sample is 80 seconds of people on a campus (PETS 2009, University of Reading) with a
+    published camera calibration. The video and the networks are downloaded once, about 100 and
+    70 MB. If they are unavailable, the demo says so and calibrates from people that scene4d
+    detected in this video beforehand.
 
     [bold]Examples[/bold]
 
@@ -93,7 +93,7 @@ def _tracked_and_searched(video: Path, out: Path, progress: "Progress") -> "Sear
 
 
 def _calibrated(progress: "Progress") -> "tuple[Run, Path | None]":
-    """The camera, and the footage where that and the networks could be had."""
+    """The camera, and the footage if it and the networks are available."""
     from scene4d.calibration.calibrating import run
     from scene4d.calibration.options import CalibrateOptions
     from scene4d.calibration.watching import fetch_weights
@@ -117,10 +117,10 @@ def _from_embedded_people(video: Path | None, why: str, progress: "Progress") ->
 
     missing = "sample video" if video is None else "networks"
     say(f"scene4d: {' '.join(why.split())}")
-    say("scene4d: going on from people that scene4d detected in the sample video beforehand")
+    say("scene4d: continuing with people that scene4d detected in the sample video beforehand")
     note = (
-        f"The {missing} could not be had: this is calibrated from a table of people that scene4d "
-        "detected in the sample video beforehand."
+        f"The {missing} could not be downloaded: this calibration uses a table of people that "
+        "scene4d detected in the sample video beforehand."
     )
     return run_detections(
         demo_detections(),

@@ -1,4 +1,4 @@
-"""``scene4d evaluate``: the paper's experiments, and ours beside them."""
+"""``scene4d evaluate``: the paper's experiments and our own."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,7 +19,7 @@ evaluate = typer.Typer(
     name="evaluate",
     no_args_is_help=True,
     rich_markup_mode="rich",
-    help="Measure calibrations and searches against recordings whose truth is known.",
+    help="Measure calibrations and searches against recordings with ground truth.",
 )
 
 _Data = Annotated[
@@ -30,8 +30,8 @@ _Out = Annotated[
     typer.Option(
         "--out",
         metavar="DIR",
-        help="Folder for evaluation.html, figures/ and evaluation.json; nothing is written "
-        "without it.",
+        help="Folder for evaluation.html, figures/ and evaluation.json. Without it, no file is "
+        "written.",
         show_default=False,
     ),
 ]
@@ -42,7 +42,7 @@ def pets(job: Job, *, data: _Data, out: _Out = None) -> Answer:
     """PETS 2009 S2.L1, View 1, against its published Tsai calibration.
 
     DIR holds View_001.xml (camera) and PETS2009-S2L1.xml (hand-drawn boxes); the video and
-    frcnn_det.txt (Faster R-CNN boxes) are used where they are there.
+    frcnn_det.txt (Faster R-CNN boxes) are used if present.
 
     [bold]Examples[/bold]
 
@@ -59,9 +59,9 @@ def towncentre(job: Job, *, data: _Data, out: _Out = None) -> Answer:
     """TownCentre, the paper's first experiment.
 
     DIR holds TownCentre-calibration.ci and TownCentreGTHalfRes.csv; tracker_boxes.txt, the folder
-    frames and the original video (1000 frames of it, as in the paper) are used where they are
-    there. The boxes of the CSV file were drawn by the calibration itself: rows that use them are
-    marked as circular.
+    frames and the original video (1000 frames of it, as in the paper) are used if present. The
+    boxes in the CSV file were made with the reference calibration: rows that use them are marked as
+    circular.
 
     [bold]Examples[/bold]
 
@@ -90,7 +90,7 @@ def virat(
         str | None,
         typer.Option(
             metavar="WxH",
-            help="Size of the footage, where the video is not in DIR.",
+            help="Size of the footage, if the video is not in DIR.",
             show_default=False,
         ),
     ] = None,
@@ -98,9 +98,9 @@ def virat(
 ) -> Answer:
     """VIRAT, the paper's second experiment, on the official files.
 
-    DIR holds *_homography_img2world.txt and *.viratdata.objects.txt, and the videos where they are
-    there. The truth is the homography of the ground alone: the true orientation is the one that
-    follows from it for square pixels and a principal point in the middle.
+    DIR holds *_homography_img2world.txt and *.viratdata.objects.txt, and the videos if present.
+    The ground truth is only the ground homography: the true orientation follows from it for square
+    pixels and a principal point at the image centre.
 
     [bold]Examples[/bold]
 
@@ -122,7 +122,7 @@ def custom(
         Path,
         typer.Option(
             metavar="FILE",
-            help="The calibration: camera.json, or any known camera format.",
+            help="The calibration: camera.json or any known camera format.",
             show_default=False,
         ),
     ],
@@ -130,7 +130,7 @@ def custom(
         Path,
         typer.Option(
             metavar="FILE",
-            help="The truth: a camera file, or a 3x3 homography from pixels to metres.",
+            help="The ground truth: a camera file, or a 3x3 homography from pixels to metres.",
             show_default=False,
         ),
     ],
@@ -138,8 +138,8 @@ def custom(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Pixels on the ground: lines of u,v; people.parquet; or an annotation file, "
-            "whose feet are taken. Default: a grid of pixels.",
+            help="Pixels on the ground: lines of u,v; people.parquet; or an annotation file, for "
+            "the feet in it. Default: a grid of pixels.",
             show_default=False,
         ),
     ] = None,
@@ -147,16 +147,16 @@ def custom(
         str | None,
         typer.Option(
             metavar="WxH",
-            help="Size of the footage, for formats that do not hold it.",
+            help="Size of the footage, for formats that do not store it.",
             show_default=False,
         ),
     ] = None,
     out: _Out = None,
 ) -> Answer:
-    """Any calibration against any reference.
+    """Compare any calibration with any reference.
 
-    Both describe the same footage, as decoded. The heading and the origin of the two may differ:
-    the maps are laid onto each other by a rigid motion, as in the paper.
+    Both describe the same footage, as decoded. Their headings and origins may differ: the two maps
+    are aligned by a rigid motion, as in the paper.
 
     [bold]Examples[/bold]
 
@@ -180,7 +180,7 @@ def meva(
         list[str] | None,
         typer.Option(
             metavar="NAME",
-            help="Camera to be reported instead of G328 and G506; may be repeated.",
+            help="Camera to report instead of G328 and G506. Repeatable.",
         ),
     ] = None,
     out: _Out = None,
@@ -188,10 +188,10 @@ def meva(
     """Search for labelled activities on MEVA.
 
     DIR holds cameras/*.krtd and the annotations, as annotations.tar.xz or unpacked in annotations/.
-    Every activity of the catalogue that MEVA labels is searched for in the annotated tracks of two
-    cameras, G328 and G506; constants were chosen on G341 and G424, which must be there. Beside it
-    stand two baselines: the same activities on the picture instead of the ground, and the
-    probability of being near alone.
+    Every catalogue activity that MEVA labels is searched for in the annotated tracks of two
+    cameras, G328 and G506. The constants were chosen on G341 and G424, which must be present too.
+    Two baselines are scored as well: the same activities in the image instead of on the ground, and
+    the probability of being near alone.
 
     [bold]Examples[/bold]
 
@@ -207,7 +207,7 @@ def meva(
 def _evaluated(
     job: Job, work: "Callable[[Progress], Evaluation | ActivityEvaluation]", out: Path | None
 ) -> Answer:
-    """Evaluate, and write where asked to."""
+    """Evaluate, and write the page if ``out`` is given."""
     from scene4d.cli.scores import show
     from scene4d.evaluation.pages.page import write_evaluation
 

@@ -1,4 +1,4 @@
-"""``scene4d export``: a camera in the format of another program."""
+"""``scene4d export``: a camera or a scene in the format of another program."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def _writable() -> dict[str, str]:
-    """Names and descriptions of the formats that are written."""
+    """Names and descriptions of the formats that can be written."""
     from scene4d.formats.cameras import camera_formats
 
     return {f.name: f.description for f in camera_formats() if f.write is not None}
@@ -34,7 +34,7 @@ def export(
         Path,
         typer.Argument(
             metavar="CAMERA|SCENE",
-            help="camera.json, or a camera file of another known format; or the folder of a scene.",
+            help="camera.json, a camera file in another known format, or the folder of a scene.",
         ),
     ],
     *,
@@ -42,8 +42,8 @@ def export(
         str,
         typer.Option(
             metavar="FORMAT",
-            help="Of a camera: json, opencv-yaml, opencv-xml, krtd, colmap, ros, deepstream or "
-            "matrix. Of a scene: csv, mot, kpf, geojson or moving-features.",
+            help="For a camera: json, opencv-yaml, opencv-xml, krtd, colmap, ros, deepstream or "
+            "matrix. For a scene: csv, mot, kpf, geojson or moving-features.",
             autocompletion=_completions,
             show_default=False,
         ),
@@ -51,27 +51,29 @@ def export(
     out: Annotated[
         Path,
         typer.Option(
-            metavar="FILE", help="File to write; for COLMAP, the folder.", show_default=False
+            metavar="FILE", help="File to write; for COLMAP, a folder.", show_default=False
         ),
     ],
     from_format: Annotated[
         str | None,
-        typer.Option("--from", metavar="FORMAT", help="Format of CAMERA, where it is not clear."),
+        typer.Option(
+            "--from", metavar="FORMAT", help="Format of CAMERA, if the file does not show it."
+        ),
     ] = None,
     image_size: Annotated[
         str | None,
-        typer.Option(metavar="WxH", help="Image size, for formats that do not hold it."),
+        typer.Option(metavar="WxH", help="Image size, for formats that do not store it."),
     ] = None,
     run: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Which run of a scene, where it holds several."),
+        typer.Option(metavar="NAME", help="Run to export, if the scene holds several."),
     ] = None,
     anchor: Annotated[
         list[str] | None,
         typer.Option(
             metavar="U,V,LAT,LON",
-            help="A pixel on the ground with its latitude and longitude in degrees; twice or "
-            "more, to put a scene on the Earth.",
+            help="A pixel on the ground with its latitude and longitude in degrees, to "
+            "georeference a scene; give two or more.",
         ),
     ] = None,
 ) -> Answer:
@@ -86,8 +88,8 @@ def export(
       scene4d export scene --to geojson --out tracks.geojson \\
           --anchor 420,510,53.4401,-0.9432 --anchor 130,390,53.4405,-0.9429
 
-    ROS camera_info holds the lens alone. DeepStream and the bare 3x4 matrix hold no distortion:
-    they are for undistorted images.
+    ROS camera_info holds only the lens. DeepStream and the bare 3x4 matrix hold no distortion: use
+    them with undistorted images.
     """
     from scene4d.cli.exporting import is_scene
 
@@ -154,7 +156,7 @@ def _export_camera(
     calibration = None if from_format else read_calibration(camera, image_size=size)
     if to == "json" and calibration is not None and calibration.method != GIVEN:
         ensure_folder(out.parent)
-        calibration.save(out)  # with its covariance, which a bare camera has not
+        calibration.save(out)  # with its covariance, which a bare camera lacks
     else:
         write_camera(found, out, to)
     return _written(to, known[to], (out,))

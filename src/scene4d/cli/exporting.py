@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 _STRETCH_S = 600.0
-"""So much of a scene is held at once by formats that are written line by line."""
+"""Length of the part of a scene in memory, for formats that are written line by line."""
 
 
 @dataclass(frozen=True)
 class GroundPoint:
-    """A pixel on the ground whose place on the Earth is known, in degrees."""
+    """A pixel on the ground with its latitude and longitude, in degrees."""
 
     u: float
     v: float
@@ -38,10 +38,10 @@ def export_scene(
     run: str | None = None,
     anchor: Sequence[GroundPoint] = (),
 ) -> tuple[Path, ...]:
-    """Write one run of a scene (by name, or the only one); the files that were written.
+    """Write one run of a scene (by name, or the only one) and return the files written.
 
-    ``anchor`` are two or more ground points whose latitude and longitude are known. Raises
-    :class:`InputError` where there is no such run or the points disagree, and as
+    ``anchor`` are two or more ground points with known latitude and longitude. Raises
+    :class:`InputError` if there is no such run or the points disagree, and as
     :func:`.write_scene`.
     """
     from scene4d.formats.scenes import write_scene
@@ -87,7 +87,7 @@ def _pieces(scene: "Scene", points: Sequence[GroundPoint]) -> "Iterator[SceneTab
 
 
 def _anchored(camera: Camera, points: Sequence[GroundPoint]) -> "GeoAnchor":
-    """Where the camera's world lies on the Earth; raises :class:`InputError` where the points
+    """The position of the camera's world on the Earth; raises :class:`InputError` if the points
     disagree or one of them does not lie on the ground.
     """
     from scene4d.formats.scenes import GeoAnchor

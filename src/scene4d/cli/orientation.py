@@ -1,4 +1,4 @@
-"""``scene4d orientation``: how a camera is turned, read from its pictures alone."""
+"""``scene4d orientation``: a camera's orientation, estimated from its images alone."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -25,7 +25,7 @@ def orientation(
         str,
         typer.Argument(
             metavar="SOURCE",
-            help="Picture, video, folder of images, quoted glob, or stream address (rtsp://...).",
+            help="Video, image, folder of images, quoted glob, or stream address (rtsp://...).",
             show_default=False,
         ),
     ],
@@ -34,8 +34,8 @@ def orientation(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Camera file of any known format: its distortion is taken out of the pictures "
-            "and its focal length is believed.",
+            help="Camera file in any known format: its distortion is removed from the images and "
+            "its focal length is used as is.",
             show_default=False,
         ),
     ] = None,
@@ -45,8 +45,8 @@ def orientation(
             min=1,
             max=1000,
             metavar="N",
-            help="Look at N frames spread over the footage. Default: as many as change the "
-            "answer, up to 1000.",
+            help="Use N frames spread over the footage. Default: until further frames no longer "
+            "change the answer, up to 1000.",
             show_default=False,
         ),
     ] = None,
@@ -54,20 +54,20 @@ def orientation(
         Path | None,
         typer.Option(
             metavar="DIR",
-            help="Folder for orientation.json and figures/orientation.png; nothing is written "
-            "without it.",
+            help="Folder for orientation.json and figures/orientation.png. Without it, no file is "
+            "written.",
             show_default=False,
         ),
     ] = None,
 ) -> Answer:
-    """Read focal length, tilt and roll of a camera from its pictures alone.
+    """Estimate focal length, tilt and roll of a camera from its images alone.
 
-    A small network that is part of scene4d looks at buildings, streets, trees and sky; nobody
-    needs to be in the picture. It is far less sure than a calibration from people, and says so:
-    every number comes with its spread. The height of a camera it cannot tell.
+    A small network that is part of scene4d looks at buildings, streets, trees and sky; no people
+    are needed. The estimate is far less certain than a calibration from people: every value comes
+    with its standard deviation. The camera's height cannot be estimated this way.
 
-    The optical axis is assumed to meet the middle of the picture. What is printed with --json is a
-    file for calibrate --orientation.
+    The principal point is assumed to be the image centre. The output of --json is a file for
+    calibrate --orientation.
 
     [bold]Examples[/bold]
 
@@ -100,7 +100,7 @@ def _show(reading: "OrientationReading", figure: Path | None) -> None:
     count = f"{reading.frames} picture{'' if reading.frames == 1 else 's'}"
     with screen() as console:
         console.print(table)
-        console.print(f"\nFrom {count}. Field of view: that of the picture's height.", style="dim")
+        console.print(f"\nFrom {count}. Field of view: vertical, of the whole image.", style="dim")
         for text in (*_vague(reading), *reading.notes):
             console.print(f"Warning  {text}", style="yellow")
         if figure is not None:
@@ -120,11 +120,11 @@ def _cells(reading: "OrientationReading", name: str, unit: str, places: int) -> 
 
 
 def _vague(reading: "OrientationReading") -> list[str]:
-    """What the picture does not tell, in words."""
+    """Warnings about values that the images do not determine."""
     titles = {"roll_deg": "roll", "tilt_deg": "tilt", "vfov_deg": "field of view"}
     names = [titles[name] for name in reading.vague]
     if not names:
         return []
     if len(names) == len(titles):
-        return ["The picture does not tell how the camera is turned: the numbers mean nothing."]
-    return [f"The picture does not tell the {' or the '.join(names)}."]
+        return ["The images do not determine the orientation: the values mean nothing."]
+    return [f"The images do not determine the {' or the '.join(names)}."]

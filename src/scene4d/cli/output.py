@@ -1,4 +1,4 @@
-"""What is printed: results to stdout, everything else to stderr."""
+"""Printing: results to stdout, everything else to stderr."""
 
 import json
 import sys
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from rich.segment import Segment
 
 _PIPE_COLUMNS = 100
-"""Width of what is drawn where there is no terminal."""
+"""Width of printed tables if stdout is no terminal."""
 
 
 def say(text: str) -> None:
-    """One line to stderr. Where nobody reads it any more, the work goes on."""
+    """Write one line to stderr. If stderr is closed, the work goes on."""
     if sys.stderr is not None:
         with suppress(OSError):
             sys.stderr.write(_encodable(visible(text), sys.stderr.encoding) + "\n")
@@ -27,7 +27,7 @@ def say(text: str) -> None:
 def visible(text: str) -> str:
     """Text whose control characters, but for newline and tab, are written as ``\\x1b``.
 
-    Names and messages come from files: they must not move the cursor or recolour the terminal.
+    Names and messages may come from files: they must not control the terminal.
     """
     return "".join(c if c in "\n\t" or not _controls(c) else f"\\x{ord(c):02x}" for c in text)
 
@@ -37,10 +37,10 @@ def _controls(character: str) -> bool:
 
 
 def emit(text: str) -> None:
-    """Text to stdout at once; a reader who has gone away (``| head``) is no error.
+    """Write text to stdout and flush; a closed pipe (``| head``) is no error.
 
-    Characters that the terminal cannot show become ``?``. Raises :class:`OutputError` where the
-    text cannot be written, as on a full disk.
+    Characters that the terminal cannot show become ``?``. Raises :class:`OutputError` if the text
+    cannot be written, as on a full disk.
     """
     if sys.stdout is None:
         return
@@ -59,7 +59,7 @@ def emit_json(values: dict[str, Any]) -> None:
 
 
 class _Visible:
-    """A rendering whose text holds no control characters; styles are kept apart from the text."""
+    """A rich renderable without control characters in its text; styles are unaffected."""
 
     def __init__(self, inner: "ConsoleRenderable") -> None:
         self._inner = inner
@@ -72,16 +72,16 @@ class _Visible:
 
 
 class _Hook:
-    """Lets a console draw visible text alone."""
+    """Makes a console draw only visible text."""
 
     def process_renderables(self, renderables: list[Any]) -> list[Any]:
-        """Wrap what is about to be drawn."""
+        """Wrap the renderables before they are drawn."""
         return [_Visible(one) for one in renderables]
 
 
 @contextmanager
 def screen() -> Iterator["Console"]:
-    """A console as wide and colourful as stdout is; what was drawn on it is emitted at the end."""
+    """A console with the width and colours of stdout; its content is emitted at the end."""
     from rich.console import Console
 
     width = None if sys.stdout is not None and sys.stdout.isatty() else _PIPE_COLUMNS

@@ -1,4 +1,4 @@
-"""Progress on stderr: bars on a terminal, elsewhere one line for every stage that takes long."""
+"""Progress on stderr: bars on a terminal, otherwise one line for every slow stage."""
 
 import sys
 import threading
@@ -20,16 +20,16 @@ from scene4d.cli.output import say
 from scene4d.core.progress import Advance, Progress
 
 _SLOW_S = 2.0
-"""A stage that takes longer is worth a line, and ..."""
+"""A stage that takes longer gets a line."""
 _REMIND_S = 30.0
-"""... another one every so often."""
+"""Interval of the further lines of a slow stage."""
 
 
 @contextmanager
 def shown(*, verbose: bool = False) -> Iterator[Progress]:
-    """Who shows the progress of a command; what it draws is gone when the command ends.
+    """The progress display of a command; its bars disappear when the command ends.
 
-    ``verbose`` tells every stage and how long it took, in lines that stay.
+    ``verbose`` prints a permanent line for every stage, with the time it took.
     """
     console = Console(stderr=True)
     if verbose:
@@ -50,12 +50,12 @@ def shown(*, verbose: bool = False) -> Iterator[Progress]:
 
 
 def _draws(console: Console) -> bool:
-    # rich also takes a log for a terminal where FORCE_COLOR is set, as in many CI systems.
+    # With FORCE_COLOR set, as in many CI systems, rich takes a log file for a terminal.
     return sys.stderr is not None and sys.stderr.isatty() and not console.is_dumb_terminal
 
 
 class Bars:
-    """A bar for the stage that is under way."""
+    """A bar for the current stage."""
 
     def __init__(self, bars: RichProgress) -> None:
         self._bars = bars
@@ -71,7 +71,7 @@ class Bars:
 
 
 class Lines:
-    """A line when a stage has taken two seconds, and every half minute, for pipes and log files."""
+    """A line after two seconds of a stage, then every half minute, for pipes and log files."""
 
     def stage(self, title: str, total: int | None) -> AbstractContextManager[Advance]:
         """See :class:`scene4d.core.progress.Progress`."""
@@ -79,7 +79,7 @@ class Lines:
 
 
 class EveryStage:
-    """A line for every stage when it has ended."""
+    """A line at the end of every stage."""
 
     @contextmanager
     def stage(self, title: str, total: int | None) -> Iterator[Advance]:

@@ -1,4 +1,4 @@
-"""The short account of an evaluation, of cameras or of activities."""
+"""The printed summary of an evaluation, of cameras or of activities."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ _CIRCULAR = "circular"
 
 
 def show(found: Evaluation | ActivityEvaluation, out: Path | None) -> None:
-    """The table, the notes, and where the page is."""
+    """Print the table, the notes and the path of the page."""
     if isinstance(found, Evaluation):
         _show_cameras(found, out)
     else:
@@ -21,7 +21,7 @@ def show(found: Evaluation | ActivityEvaluation, out: Path | None) -> None:
 
 
 def _show_cameras(found: Evaluation, out: Path | None) -> None:
-    """Errors by setting and mean height of people, beside the paper's, and what was left out."""
+    """Print errors by setting and mean height, the paper's errors, and what was left out."""
     heights = sorted({outcome.person_height_m for outcome in found.outcomes})
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
     table.add_column("Method and what it is given")
@@ -85,7 +85,7 @@ def _published(table: Table, found: Evaluation, heights: list[float]) -> None:
 
 
 def _reasons(found: Evaluation) -> list[str]:
-    """Every reason for which a line has no result, once."""
+    """Each reason for a missing result, once."""
     reasons: dict[str, list[str]] = {}
     for outcome in found.outcomes:
         if outcome.score is None and outcome.reason is not None:
@@ -97,7 +97,7 @@ def _reasons(found: Evaluation) -> list[str]:
 
 
 def _show_activities(found: ActivityEvaluation, out: Path | None) -> None:
-    """Average precision and misses by activity and method, and what must be said beside it."""
+    """Print average precision and misses by activity and method, with the notes."""
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
     table.add_column("Activity", no_wrap=True)
     table.add_column("Labels", justify="right")

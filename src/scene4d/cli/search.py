@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     from scene4d.searching import Asked, FoundEvent, SearchResult
 
-_ASKED = "What is asked for"
-_RESULT = "What comes out"
+_ASKED = "Query"
+_RESULT = "Output"
 
 
 @command("search")
@@ -24,7 +24,7 @@ def search(
         list[Path],
         typer.Argument(
             metavar="SCENE...",
-            help="Folders that track wrote: one scene, or several at once.",
+            help="Folders written by track: one scene or several.",
             show_default=False,
         ),
     ],
@@ -32,14 +32,16 @@ def search(
         str,
         typer.Argument(
             metavar="WORDS",
-            help='What to look for, in quotes, as "person enters vehicle".',
+            help='What to search for, in quotes, as "person enters vehicle".',
             show_default=False,
         ),
     ],
     *,
     top: Annotated[
         int,
-        typer.Option(metavar="N", min=1, help="Events shown; --json and --actev have all."),
+        typer.Option(
+            metavar="N", min=1, help="Number of events shown; --json and --actev hold all."
+        ),
     ] = 10,
     min_score: Annotated[
         float,
@@ -47,14 +49,14 @@ def search(
             metavar="P",
             min=0.0,
             max=1.0,
-            help="Least score of an event; less than 0.001 counts as 0.001.",
+            help="Lowest score of an event; values below 0.001 count as 0.001.",
         ),
     ] = 0.05,
     catalogue: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="FILE",
-            help="YAML file of your own activities, beside the built-in ones. May be repeated.",
+            help="YAML file with your own activities, added to the built-in ones. Repeatable.",
             rich_help_panel=_ASKED,
             show_default=False,
         ),
@@ -72,7 +74,7 @@ def search(
         Path | None,
         typer.Option(
             metavar="FILE|DIR",
-            help="Footage for the clips of --out, where it is not where it was tracked.",
+            help="Footage for the clips of --out, if it has moved since it was tracked.",
             rich_help_panel=_RESULT,
             show_default=False,
         ),
@@ -90,17 +92,17 @@ def search(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="All events in the JSON that NIST's ActEV_Scorer reads.",
+            help="JSON file for all events, in the format of NIST's ActEV_Scorer.",
             rich_help_panel=_RESULT,
             show_default=False,
         ),
     ] = None,
 ) -> Answer:
-    """Find what is said in words in what cameras tracked: who, when, where, and why it fits.
+    """Search tracked scenes in plain words: who, when, where, and why each event matches.
 
-    The words are taken apart into predicates, probabilities of what happens in space and time, and
-    these are shown first. Events come best first. docs/search.md shows how to ask, and
-    docs/search-language.md what is understood.
+    The words become predicates: probabilities of what happens in space and time. These are shown
+    first, then the events, best first. docs/search.md shows how to search, and
+    docs/search-language.md lists the words and the grammar.
 
     [bold]Examples[/bold]
 
@@ -112,7 +114,7 @@ def search(
     absent = [path for path in scenes if not path.is_dir()]
     if absent:
         raise typer.BadParameter(
-            f"{absent[0]} is no folder; give scenes, and then the words in quotes, as "
+            f"{absent[0]} is no folder; give the scenes, then the words in quotes, as "
             '"person enters vehicle"',
             param_hint="SCENE",
         )

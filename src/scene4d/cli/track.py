@@ -13,8 +13,8 @@ from scene4d.cli.command import Answer, Job, command, output_folder
 if TYPE_CHECKING:
     from scene4d.tracking import TrackRun
 
-_WATCHING = "What is watched"
-_MEANING = "What it means"
+_WATCHING = "Input"
+_MEANING = "Scene"
 
 
 @command("track")
@@ -33,7 +33,7 @@ def track(
         Path,
         typer.Option(
             metavar="FILE",
-            help="camera.json of calibrate, or a camera file of another known format.",
+            help="camera.json from calibrate, or a camera file in another known format.",
             show_default=False,
         ),
     ],
@@ -41,7 +41,7 @@ def track(
         Path,
         typer.Option(
             metavar="SCENE",
-            help="Folder of the scene; made if it is not there, added to if it is.",
+            help="Folder of the scene; created if it does not exist, extended if it does.",
             show_default=False,
         ),
     ],
@@ -49,8 +49,8 @@ def track(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Boxes instead of the built-in detectors: KPF, MOTChallenge, PETS XML, "
-            "TownCentre, COCO, VIRAT. Tracks in it are kept.",
+            help="Use these boxes instead of the built-in detectors: KPF, MOTChallenge, PETS XML, "
+            "TownCentre, COCO, VIRAT. Track numbers in the file are kept.",
             rich_help_panel=_WATCHING,
             show_default=False,
         ),
@@ -61,7 +61,7 @@ def track(
             metavar="HZ",
             min=0.01,
             max=1000,
-            help="Pictures looked at per second of footage.",
+            help="Frames used per second of footage.",
             rich_help_panel=_WATCHING,
         ),
     ] = 10.0,
@@ -70,7 +70,7 @@ def track(
         typer.Option(
             metavar="NAME|FILE",
             help="Another detector for people and vehicles: a registered name, or an ONNX file "
-            "of the YOLOX layout with the classes of COCO.",
+            "in the YOLOX layout with the COCO classes.",
             rich_help_panel=_WATCHING,
             show_default=False,
         ),
@@ -81,7 +81,7 @@ def track(
             metavar="HZ",
             min=0.01,
             max=1000,
-            help="Frames per second of --annotations, where there is no SOURCE to tell.",
+            help="Frame rate of --annotations, if there is no SOURCE.",
             rich_help_panel=_WATCHING,
             show_default=False,
         ),
@@ -91,7 +91,7 @@ def track(
         typer.Option(
             "--format",
             metavar="NAME",
-            help="Format of --annotations, where it is not clear from the file: mot, coco, kpf, "
+            help="Format of --annotations, if the file does not show it: mot, coco, kpf, "
             "pets, towncentre-csv, towncentre-top, virat.",
             rich_help_panel=_WATCHING,
             show_default=False,
@@ -101,7 +101,7 @@ def track(
         bool,
         typer.Option(
             "--drop-invalid",
-            help="Leave out impossible boxes of --annotations, with a warning.",
+            help="Skip impossible boxes in --annotations, with a warning.",
             rich_help_panel=_WATCHING,
         ),
     ] = False,
@@ -110,7 +110,7 @@ def track(
         typer.Option(
             "--name",
             metavar="NAME",
-            help="What the camera is called in the scene. Default: the name of the footage.",
+            help="Name of the camera in the scene. Default: the name of the footage.",
             rich_help_panel=_MEANING,
             show_default=False,
         ),
@@ -119,7 +119,7 @@ def track(
         str | None,
         typer.Option(
             metavar="TIME",
-            help="When the footage began, as 2026-11-20T08:00:00Z. Default: unknown, and times "
+            help="Start time of the footage, as 2026-11-20T08:00:00Z. Default: unknown; times then "
             "count from 1970.",
             rich_help_panel=_MEANING,
             show_default=False,
@@ -129,17 +129,17 @@ def track(
         str | None,
         typer.Option(
             metavar="METRES",
-            help="Mean height of the people. Default: that of the calibration.",
+            help="Mean height of the people. Default: the height used by the calibration.",
             rich_help_panel=_MEANING,
             show_default=False,
         ),
     ] = None,
 ) -> Answer:
-    """Follow people and vehicles on the ground, in metres and seconds, and write the scene.
+    """Track people and vehicles on the ground, in metres and seconds, and write the scene.
 
-    The scene is a folder of Parquet files with a row per object and moment: position with its
-    covariance, velocity, heading, box and keypoints. A run that was stopped goes on where it
-    stopped when it is started again; another run adds to the scene.
+    The scene is a folder of Parquet files with one row per object and time: position with its
+    covariance, velocity, heading, box and keypoints. A run that was interrupted resumes when it is
+    started again; another run adds to the scene.
 
     [bold]Examples[/bold]
 
@@ -153,7 +153,8 @@ def track(
         raise typer.BadParameter("give footage, or --annotations", param_hint="SOURCE")
     if fps is not None and annotations is None:
         raise typer.BadParameter(
-            "is for --annotations; --rate says how often footage is looked at", param_hint="--fps"
+            "is for --annotations; --rate sets how many frames of the footage are used",
+            param_hint="--fps",
         )
     height_m = None if person_height is None else parse_person_height(person_height)
     from scene4d.tracking import TrackOptions

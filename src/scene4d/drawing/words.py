@@ -32,14 +32,14 @@ def _decimals(sigma: float) -> int:
 
 
 def number(value: float, places: int) -> str:
-    """Fixed-point text with a real minus sign, never ``-0``; spaced thousands from 10 000."""
+    """Fixed-point text with a true minus sign, never ``-0``; thin spaces from 10 000 on."""
     text = f"{abs(value):,.{places}f}".replace(",", "\u202f" if abs(value) >= 1e4 else "")
     negative = value < 0 and float(f"{abs(value):.{places}f}") != 0
     return (_MINUS if negative else "") + text
 
 
 def plus_minus(value: float, sigma: float | None, unit: str, places: int = 2) -> str:
-    """``7.07 ± 0.14 m``: as many digits as ``sigma`` allows; ``places`` where none is known."""
+    """``7.07 ± 0.14 m``: as many digits as ``sigma`` justifies; ``places`` if it is unknown."""
     gap = "" if unit == "°" else "\u00a0"
     if sigma is None or not np.isfinite(sigma):
         return f"{number(value, places)}{gap}{unit}"
@@ -52,7 +52,7 @@ def plus_minus(value: float, sigma: float | None, unit: str, places: int = 2) ->
 
 
 def verdict(calibration: Calibration) -> str:
-    """One sentence that says what came out."""
+    """The result in one sentence."""
     camera = calibration.camera
     if not calibration or camera is None:
         reason = (calibration.reason or "no reason was recorded").strip().rstrip(".")
@@ -71,11 +71,12 @@ def verdict(calibration: Calibration) -> str:
 
 
 def ground_error_texts(calibration: Calibration) -> list[tuple[str, str, str]]:
-    """The two predicted ground errors where people walked: name, median, and what nine in ten
-    places stay below. Those that are not known are left out.
+    """The two predicted ground errors where people walked: name, median and 90th percentile.
+    Unknown errors are left out.
 
-    *Within the scene* is the error of positions among themselves: a shift or turn of the whole
-    scene is none. *From the camera* counts it: it is the error of a distance to the camera.
+    *Within the scene* is the error of positions relative to each other: a shift or rotation of the
+    whole scene does not count. *From the camera* counts it: it is the error of a distance to the
+    camera.
     """
     rows = (
         ("within the scene", calibration.ground_error_m),
@@ -89,13 +90,13 @@ def ground_error_texts(calibration: Calibration) -> list[tuple[str, str, str]]:
 
 
 def rounded_m(metres: float) -> str:
-    """Metres with the digits a person wants: ``0.36 m``, ``4.2 m``, ``31 m``."""
+    """Metres with a sensible number of digits: ``0.36 m``, ``4.2 m``, ``31 m``."""
     places = 2 if metres < 0.995 else 1 if metres < 9.95 else 0
     return f"{number(metres, places)}\u00a0m"
 
 
 def k1_sigma(camera: Camera, covariance: Float[np.ndarray, "5 5"]) -> float:
-    """Standard deviation of k1, from those of the focal length and of the corner's displacement.
+    """Standard deviation of k1, propagated from the focal length and the corner's displacement.
 
     With D the displacement, ``k1 = D (f / half diagonal)²``: see ``model.PARAMETERS``.
     """
@@ -114,11 +115,9 @@ def parameter_rows(calibration: Calibration) -> list[Row]:
     tilt, roll = float(np.degrees(camera.tilt_rad)), float(np.degrees(camera.roll_rad))
     rows = [
         _log_row("Height", camera.height_m, s.get("height_m"), "m", "camera above the ground"),
-        _row("Tilt", tilt, s.get("tilt_deg"), "°", "optical axis below the horizon"),
+        _row("Tilt", tilt, s.get("tilt_deg"), "°", "angle of the optical axis below the horizon"),
         _row("Roll", roll, s.get("roll_deg"), "°", "positive: the horizon falls to the right"),
-        _log_row(
-            "Focal length", camera.focal_px, s.get("focal_px"), "px", "in pixels of the footage", 0
-        ),
+        _log_row("Focal length", camera.focal_px, s.get("focal_px"), "px", "in footage pixels", 0),
     ]
     rows += _view_rows(camera, C)
     if np.any(camera.distortion):
@@ -162,7 +161,7 @@ def _row(
 def _log_row(
     name: str, value: float, sigma: float | None, unit: str, meaning: str, places: int = 2
 ) -> Row:
-    """A positive quantity, whose logarithm is Gaussian: its interval is not symmetric."""
+    """A positive quantity with a Gaussian logarithm: its interval is not symmetric."""
     interval = ""
     if sigma is not None and np.isfinite(sigma) and sigma > 0:
         factor = float(np.exp(Z95 * sigma / value))

@@ -10,16 +10,16 @@ from scene4d.drawing.overlay import MAX_DOTS, horizon_shown, people_of
 
 
 def caption(name: str, calibration: Calibration, network: Camera | None = None) -> str:
-    """What to see in a figure; ``network`` is the camera as the orientation network reads it."""
+    """The caption of a figure; ``network`` is the orientation network's estimate of the camera."""
     dashed = ""
     if network is not None and horizon_shown(network):
         dashed = (
-            " The thin dashed line is the horizon that the orientation network reads in the "
-            "pictures, without looking at the people: a second opinion."
+            " The thin dashed line is the horizon according to the orientation network, which does "
+            "not use the people: a second opinion."
         )
     if not calibration:
         return (
-            "The people that were found. Without a camera little else can be drawn."
+            "The people that were found. Without a camera, little else can be shown."
             + dashed
             + _sample(calibration, MAX_DOTS)
         )
@@ -27,18 +27,18 @@ def caption(name: str, calibration: Calibration, network: Camera | None = None) 
     texts = {
         "overlay": (
             f"What to check: {_horizon(calibration)}the uprights stand on the ground and are as "
-            f"tall as a person of {height} m beside them; the short white ticks run along the "
-            "corners of buildings and along poles." + dashed + _sample(calibration, MAX_DOTS)
+            f"tall as a person of {height} m next to them; the short white ticks are parallel to "
+            "building corners and poles." + dashed + _sample(calibration, MAX_DOTS)
         ),
         "birdseye": (
-            "The frame laid flat on the ground. Straight kerbs and markings should be straight, "
-            "right angles right, and lengths true against the grid. Whatever stands up is smeared "
-            "away from the camera." + _sample(calibration, ABOVE_DOTS)
+            "The frame projected onto the ground. Straight kerbs and markings should look "
+            "straight, right angles right, and lengths should match the grid. Upright objects are "
+            "smeared away from the camera." + _sample(calibration, ABOVE_DOTS)
         ),
         "errormap": (
-            "Predicted error (one standard deviation) of a position on the ground within the "
-            "scene, by where it lies in the frame: a shift or turn of the whole scene is not "
-            "counted. There is none above the horizon."
+            "Predicted error (one standard deviation) of ground positions within the scene, by "
+            "their place in the frame. A shift or rotation of the whole scene is not counted. "
+            "There is no ground above the horizon."
         ),
         "heights": _heights(calibration),
     }
@@ -46,7 +46,7 @@ def caption(name: str, calibration: Calibration, network: Camera | None = None) 
 
 
 def words_for_picture(name: str, calibration: Calibration) -> str:
-    """The alternative text, for readers who do not see the picture."""
+    """The alternative text of a figure."""
     seen = f"{calibration.people} sightings of people"
     if not calibration:
         return f"The frame with {seen} marked by their feet and heads; no geometry."
@@ -66,19 +66,19 @@ def words_for_picture(name: str, calibration: Calibration) -> str:
 def _horizon(calibration: Calibration) -> str:
     if calibration.camera is None or not horizon_shown(calibration.camera):
         return ""
-    return "the horizon lies where the ground would end if it went on for ever; "
+    return "the horizon lies where an endless flat ground would end; "
 
 
 def _heights(calibration: Calibration) -> str:
     heights, _ = inlier_heights(calibration)
     if len(heights) == 0:
-        return "No person's height could be measured."
+        return "No height could be measured."
     q10, median, q90 = np.percentile(heights, [10, 50, 90])
     return (
-        f"Half of the sightings are taller than {median:.2f} m, and eight in ten lie between "
-        f"{q10:.2f} and {q90:.2f} m; {calibration.person_height_m:.2f} m was assumed. One hump "
-        "about the assumed mean is right, with spikes of people who stayed long; a second hump far "
-        "below it is children or seated people."
+        f"The median height of the sightings is {median:.2f} m, and eight in ten lie between "
+        f"{q10:.2f} and {q90:.2f} m; {calibration.person_height_m:.2f} m was assumed. Expect one "
+        "peak at the assumed mean, with spikes for people who stayed long; a second peak far below "
+        "it means children or seated people."
     )
 
 
