@@ -1,9 +1,8 @@
-"""Which tracks of a detector are people and vehicles, and which are its mistakes.
+"""Separates tracks of people and vehicles from false positives of the detector.
 
-A detector takes signposts, statues and reflections for people, at one place, again and again. Three
-facts tell a living person from them, and one is enough: a person moves, a person is recognised
-surely, or a person has a body whose parts are found. Somebody who sits still is kept for the sake
-of the body.
+A detector mistakes signposts, statues and reflections for people, repeatedly at one place. A real
+person differs in at least one of three ways: the track moves, its detection scores are high, or
+its body keypoints are found. The last keeps people who sit still.
 """
 
 import numpy as np
@@ -13,30 +12,30 @@ from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
 
 _FEWEST_SIGHTINGS = 3
-"""What a detector sees less often is mostly nobody (chosen by hand on PETS 2009)."""
+"""Tracks with fewer detections are mostly false (chosen by hand on PETS 2009)."""
 _STILL_SIGMA = 2.0
-"""A track whose positions scatter less than so many standard deviations of one position has not
-moved: the error of a position is its scatter, whatever it is an error of."""
+"""A track has not moved if its positions scatter by less than this many standard deviations of one
+position, whatever their errors are due to."""
 _SURE_SCORE = 0.7
-"""Mean score from which the detector is sure. People who walk have 0.75 and more on PETS 2009 and
-in the lab footage; signposts have 0.43 to 0.46, chairs 0.44 to 0.62, and somebody seated behind a
-screen 0.57."""
+"""Mean score from which a detection counts as certain. Walking people have 0.75 and more on PETS
+2009 and in the lab footage; signposts have 0.43 to 0.46, chairs 0.44 to 0.62, and a person seated
+behind a screen 0.57."""
 _BEST_KEYPOINTS = 5
-"""So many parts make a body: a seated person may show no more than a head and shoulders."""
+"""Number of keypoints that count: a seated person may show only head and shoulders."""
 _BODY_SCORE = 0.42
 """Mean score of the best keypoints from which there is a body (chosen by hand between 0.17 to 0.39
-for those signposts and chairs, and 0.45 for the seated person; who walks has 0.47 to 0.87)."""
+for those signposts and chairs, and 0.45 for the seated person; walkers have 0.47 to 0.87)."""
 
 
 class Belief:
-    """Collects what was seen of every track; memory is that of the tracks of late."""
+    """Collects evidence for each track; memory is bounded by the recent tracks."""
 
     def __init__(self) -> None:
         self._sums: dict[int, np.ndarray] = {}
         self._seen_s: dict[int, float] = {}
 
     def add(self, track: Int[np.ndarray, "n"], seen: Detections, located: Located) -> None:
-        """Take in more sightings."""
+        """Add more detections."""
         sums = np.zeros((len(track), 8))
         known, xy = located.known, located.xy_m
         best = np.sort(seen.keypoint_score, axis=1)[:, -_BEST_KEYPOINTS:]
@@ -54,7 +53,7 @@ class Belief:
             self._seen_s[number] = float(seen.time_s[row])
 
     def holds(self, track: Int[np.ndarray, "n"]) -> Bool[np.ndarray, "n"]:
-        """Rows of tracks that are believed, by what was seen so far."""
+        """Which rows belong to accepted tracks, judged by the detections so far."""
         names, at = np.unique(track, return_inverse=True)
         nothing = np.zeros(9)
         n, person, score, body, located, x, y, squares, variance = np.array(
@@ -69,6 +68,6 @@ class Belief:
         return believed
 
     def forget(self, until_s: float) -> None:
-        """Drop the tracks that were last seen before."""
+        """Drop the tracks that were last seen before ``until_s``."""
         self._seen_s = {track: s for track, s in self._seen_s.items() if s >= until_s}
         self._sums = {track: self._sums[track] for track in self._seen_s}

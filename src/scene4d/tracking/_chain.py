@@ -1,9 +1,9 @@
 """The smoother's model as equations, and their solution.
 
-State of a moment: position (2), velocity (2), and the lasting error of the sighting (2) in units
-of its standard deviation. Errors of successive sightings of one object are alike (gait, the
-detector's habits), so a share of their variance follows an Ornstein-Uhlenbeck process and does
-not average out at once; the rest is new in every sighting.
+State per row: position (2), velocity (2), and the correlated error of the detection (2) in units
+of its standard deviation. Errors of successive detections of one object are correlated (gait,
+detector bias), so a share of their variance follows an Ornstein-Uhlenbeck process and averages out
+slowly; the rest is independent in every detection.
 """
 
 import numpy as np
@@ -13,15 +13,15 @@ from scene4d.tracking._motion_model import ACCELERATION, LASTING_S, LASTING_SHAR
 from scene4d.tracking._sightings import REMEMBERED, Memory, TrackRows
 
 _STANDING_LASTING_S = 600.0
-"""How long errors last while the object stands: it is then seen from one side, in one light."""
+"""Correlation time of errors while the object stands: view and light stay the same."""
 
 _FAR_M = 100.0  # standard deviation of a position about the first sighting: as good as unknown
 _SHORTEST_S = 1e-3  # steps below this would cost digits
 
 
 class Chain:
-    """The equations of some rows; those that are remembered have the states of ``memory``, in
-    order, before any measurement of their own.
+    """The equations of some rows; remembered rows have the states of ``memory``, in order, as
+    priors.
     """
 
     def __init__(self, rows: TrackRows, memory: Memory) -> None:
@@ -48,8 +48,8 @@ class Chain:
         *,
         covariance: bool,
     ) -> tuple[Float[np.ndarray, "n 6"], Float[np.ndarray, "n 6 6"] | None]:
-        """States of all rows; a sighting's variance is ``variance_factor`` times (>= 1) what
-        it was said to be.
+        """States of all rows; a detection's stated variance is multiplied by ``variance_factor``
+        (>= 1).
         """
         diagonal, coupling = self._motion(standing)
         vector = np.zeros((len(diagonal), 6))
@@ -66,14 +66,14 @@ class Chain:
         return mean, cov
 
     def misfit(self, xy_m: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
-        """Squared Mahalanobis distance of the sightings from ``xy_m``; 0 where there is none."""
+        """Squared Mahalanobis distance of the detections from ``xy_m``; 0 where there is none."""
         away = np.where(self._measured[:, None], self._rows.xy_m - xy_m, 0.0)
         whitened = (self._white @ away[:, :, None])[:, :, 0]
         distance: np.ndarray = (whitened**2).sum(axis=1)
         return distance
 
     def _motion(self, standing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Blocks of the motion alone."""
+        """Precision blocks of the motion model alone."""
         m, n = self._rows, len(self._first)
         linked = ~self._first[1:]
         dt = np.where(linked, np.maximum(np.diff(m.time_s), _SHORTEST_S), 1.0)
@@ -119,16 +119,16 @@ def solve_chain(
     *,
     covariance: bool = True,
 ) -> tuple[Float[np.ndarray, "n s"], Float[np.ndarray, "n s s"] | None]:
-    """Means (n, s), and where asked covariances (n, s, s), of a chain in information form.
+    """Means (n, s), and on request covariances (n, s, s), of a chain in information form.
 
     The precision matrix has ``diagonal`` blocks and, right of the k-th, ``coupling[k]``
-    (m = n - 1); mean = precision⁻¹ ``vector``. Chains of several objects stand one behind the
-    other, with zero coupling between them.
+    (m = n - 1); mean = precision⁻¹ ``vector``. Chains of several objects are concatenated, with
+    zero coupling between them.
 
     Eliminating every second row at a time (cyclic reduction: Buzbee, Golub and Nielson, "On direct
-    methods for solving Poisson's equations", 1970) takes log2(n) array operations instead of n
-    steps of a loop; on the way back the blocks of the inverse follow as in Takahashi's equations.
-    The result is that of the Rauch-Tung-Striebel smoother.
+    methods for solving Poisson's equations", 1970) takes log2(n) array operations instead of a
+    loop of n steps; back substitution gives the blocks of the inverse by Takahashi's equations.
+    The result equals that of the Rauch-Tung-Striebel smoother.
     """
     mean, cov, _ = _solve(diagonal, coupling, vector[:, :, None], covariance)
     return mean[:, :, 0], cov

@@ -1,13 +1,13 @@
-"""Smoothing a stream: rows become final once they are older than a lag, and are forgotten.
+"""Smoothing a stream: rows older than a lag become final and are dropped from memory.
 
-What a final row may differ in from :func:`.smooth` over the whole recording:
+A final row may differ from :func:`.smooth` over the whole recording:
 
-- its position knows no sightings more than ``lag_s`` later. For moving objects these say nothing
-  (the difference is below 2 mm at 10 Hz); the average of a standing vehicle goes on improving;
-- its class is the most frequent so far;
-- sightings that have been forgotten keep the weight that they had.
+- its position uses no detections more than ``lag_s`` later. For moving objects the difference is
+  below 2 mm at 10 Hz; the average of a standing vehicle would still improve;
+- its class is the most frequent one so far;
+- detections dropped from memory keep the weight they had.
 
-Gaps are bridged at the same frames: ``lag_s`` is longer than ``max_gap_s``.
+Gaps are bridged at the same frames, since ``lag_s`` is at least ``max_gap_s``.
 """
 
 from dataclasses import replace
@@ -29,11 +29,11 @@ from scene4d.tracking._smoothing import (
 
 
 class FixedLagSmoother:
-    """Takes the sightings of one frame after another, and gives back what has become final.
+    """Takes the detections frame by frame, and returns rows that have become final.
 
     Holds the rows of about ``2 lag_s`` and one state per track seen within ``forget_s``: memory
-    does not grow with the length of the video. A track that comes back later than that is
-    smoothed anew.
+    does not grow with the length of the video. A track that returns later is smoothed as a new
+    one.
     """
 
     def __init__(
@@ -52,20 +52,20 @@ class FixedLagSmoother:
 
     @property
     def pending(self) -> int:
-        """Rows that are held, final or not."""
+        """Number of rows held, final or not."""
         return sum(map(len, self._sightings))
 
     @property
     def remembered(self) -> int:
-        """Tracks of which a state is held."""
+        """Number of tracks with a stored state."""
         return len(self._memory.track)
 
     def update(self, time_s: float, frame: int, sightings: Sightings) -> Smoothed | None:
-        """Add a frame that was looked at, with its sightings (perhaps none), in order of time.
+        """Add an analysed frame with its detections (perhaps none), in order of time.
 
         Returns rows that have become final, about every ``lag_s``, else None; their ``source``
-        counts sightings from the first one ever given. Raises :class:`InputError` where time or
-        frame does not rise or a sighting is of another frame.
+        counts all detections given so far. Raises :class:`InputError` if time or frame does not
+        increase or a detection belongs to another frame.
         """
         if not np.isfinite(time_s):
             raise InputError(f"smoothing: found time {time_s} s of frame {frame}")
@@ -90,7 +90,7 @@ class FixedLagSmoother:
         return self._release(time_s - lag)
 
     def finish(self) -> Smoothed:
-        """All that is left; nothing is remembered afterwards."""
+        """The remaining rows; clears the memory."""
         found = self._release(np.inf)
         self._sightings, self._source, self._time_s, self._frame = [], [], [], []
         self._memory, self._counts, self._done_s = Memory.none(), {}, -np.inf
@@ -115,13 +115,13 @@ class FixedLagSmoother:
         # A mark of a bridged row (-1) takes the last entry, which is the mark itself.
         source = np.concatenate([*self._source, [BRIDGED]])[out.source]
         if np.isfinite(until_s):
-            # What stands is told from half a window on both sides of a row.
+            # Whether a row stands depends on half a window on both sides of it.
             self._forget(found, until_s - s.standing_window_s / 2)
             self._done_s = until_s
         return replace(out, source=source)
 
     def _forget(self, found: Estimates, until_s: float) -> None:
-        """Keep rows after ``until_s``, and of those before what they say about each track."""
+        """Keep rows after ``until_s``, and one state per track for those before."""
         memory = remembered(found, self._memory, until_s)
         self._memory = memory.select(memory.time_s > self._time_s[-1] - self._forget_s)
         frames = [k for k, part in enumerate(self._sightings) if part.time_s[0] > until_s]

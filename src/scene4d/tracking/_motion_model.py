@@ -1,8 +1,8 @@
-"""How people and vehicles move on the ground: what association and smoothing assume of them.
+"""Motion model of people and vehicles on the ground, for association and smoothing.
 
 Nearly constant velocity: acceleration is white noise (Bar-Shalom, Li and Kirubarajan, "Estimation
-with Applications to Tracking and Navigation", 2001, section 6.2.2). What stands drifts by
-millimetres and has forgotten how it came.
+with Applications to Tracking and Navigation", 2001, section 6.2.2). Standing objects drift by
+millimetres, and their velocity is independent of how they arrived.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from scene4d.core.tracks import CLASSES
 class Motion:
     """``acceleration`` is the root of the noise's spectral density (m/s^1.5, per axis): over t
     seconds the velocity changes by about ``acceleration * sqrt(t)``. ``speed`` is the standard
-    deviation of a velocity of which nothing is known (m/s, per axis).
+    deviation of an unknown velocity (m/s, per axis).
     """
 
     acceleration: float
@@ -40,22 +40,23 @@ MOTIONS = {
 PERSON_GROUP = MOTIONS["person"].group
 
 LASTING_SHARE = 0.6
-"""Share of a sighting's variance that lasts, and ..."""
+"""Share of a detection's variance that is correlated over time."""
 LASTING_S = 1.2
-"""... how long, seconds. The errors of located people on PETS S2L1 have an autocorrelation of 0.76
-at 0.1 s, 0.58 at 0.5 s, 0.4 at 1 s and 0.2 at 2 s (``python -m benchmarks.tracking``), which alone
-would say 0.75 and 1.6 s. Part of that is the drawn boxes' own, so less is taken: it was chosen
-knowing that the errors' 90 % quantile is 0.25 m with it, and 0.275 m with the other.
+"""Correlation time of that share, seconds. The errors of located people on PETS S2L1 have an
+autocorrelation of 0.76 at 0.1 s, 0.58 at 0.5 s, 0.4 at 1 s and 0.2 at 2 s (``python -m
+benchmarks.tracking``), which alone would give 0.75 and 1.6 s. Part of that is due to the drawn
+boxes, so both values are lower. They were chosen knowing that the errors' 90 % quantile is 0.25 m
+with them, and 0.275 m with the others.
 """
 
 _STANDING_DRIFT = 0.003
-"""How far the estimate of a standing object may wander, m per root second."""
+"""Drift of the estimated position of a standing object, m per root second."""
 _STANDING_SPEED = 0.02
 """Standard deviation of its velocity, m/s per axis."""
 
 
 def class_numbers(class_name: np.ndarray) -> Int[np.ndarray, "n"]:
-    """Places in :data:`CLASSES`; raises :class:`InputError` for a class that no scene holds."""
+    """Indices in :data:`CLASSES`; raises :class:`InputError` for a class a scene cannot hold."""
     found = np.full(len(class_name), -1)
     for number, name in enumerate(CLASSES):
         found[class_name == name] = number
@@ -105,8 +106,8 @@ def transition(
 
 
 def repeated(dt: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
-    """How many sightings ``dt`` seconds apart say as much as one alone, since errors last:
-    the sum of their autocorrelation.
+    """How many detections ``dt`` seconds apart carry the information of one independent detection:
+    the sum of the errors' autocorrelation.
     """
     alike = np.exp(-dt / LASTING_S)
     return 1 + 2 * LASTING_SHARE * alike / -np.expm1(-dt / LASTING_S)

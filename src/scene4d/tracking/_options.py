@@ -1,4 +1,4 @@
-"""What a user may say about a run of ``track``, and what comes of it."""
+"""Options and results of a ``track`` run."""
 
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -13,16 +13,16 @@ from scene4d.core.progress import Progress
 
 @dataclass(frozen=True)
 class TrackOptions:
-    """What a user may say about a run.
+    """Options of a run.
 
     ``annotations`` is a file of boxes to use instead of the detectors: ``format`` names its format
-    where that is not clear, ``fps`` its frame rate where no footage tells it, and ``drop_invalid``
-    leaves out impossible boxes. ``name`` is what the camera is called in the scene (by default the
-    name of the footage), ``start`` when the footage began (UTC), ``rate_hz`` how many frames per
-    second are looked at: people and cars move little in a tenth of a second. ``person_height_m`` is
-    the people's mean height (by default what the calibration assumed). ``detector`` is the name of
-    a registered detector, or an ONNX file of the YOLOX layout, for people and vehicles both; by
-    default there is one for each.
+    if ambiguous, ``fps`` its frame rate if there is no footage, and ``drop_invalid`` leaves out
+    impossible boxes. ``name`` is the camera's name in the scene (default: the name of the footage),
+    ``start`` the start time of the footage (UTC), ``rate_hz`` the number of frames analysed per
+    second: people and cars move little in a tenth of a second. ``person_height_m`` is the people's
+    mean height (default: as assumed by the calibration). ``detector`` is the name of a registered
+    detector, or an ONNX file with the YOLOX layout, for both people and vehicles; by default each
+    has its own.
     """
 
     annotations: str | Path | None = None
@@ -36,7 +36,7 @@ class TrackOptions:
     detector: str | Path | None = None
 
     def __post_init__(self) -> None:
-        """Refuse before any work is done what cannot work; raises :class:`InputError`."""
+        """Check the ranges before any work is done; raises :class:`InputError`."""
         ranges = {"rate_hz": (0.001, 1000), "fps": (0.001, 1000), "person_height_m": (0.5, 2.5)}
         for name, (least, most) in ranges.items():
             value = getattr(self, name)
@@ -46,7 +46,7 @@ class TrackOptions:
 
 @dataclass
 class TrackRun:
-    """What was written: rows, tracks by class, sightings without a ground point, times by stage."""
+    """What was written: rows, tracks by class, rows without a position, seconds by stage."""
 
     scene: Path
     camera: str
@@ -62,7 +62,7 @@ class TrackRun:
     timings: dict[str, float] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """What ``--json`` prints."""
+        """The output of ``--json``."""
         return {
             "out": str(self.scene),
             "camera": self.camera,
@@ -81,8 +81,8 @@ class TrackRun:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """One run: what it works with. ``described`` is the camera as the scene stores it,
-    ``background`` a picture of the scene as it was calibrated, if somebody kept one.
+    """The inputs of one run. ``described`` is the camera as stored in the scene, ``background``
+    an image of the calibrated view, if there is one.
     """
 
     calibration: Calibration

@@ -1,4 +1,4 @@
-"""Rays of sight through pixels of the footage, and where they meet the levels above the ground."""
+"""Viewing rays through pixels of the footage, and their intersections with horizontal planes."""
 
 from dataclasses import dataclass, replace
 
@@ -15,8 +15,8 @@ _MIN_DEPTH_M = 1e-6
 class Level:
     """Points (n, 2) where rays meet a level, NaN where they do not, with their derivatives.
 
-    ``by_uv`` (m/px) is the derivative by the pixel of the footage, ``by_height`` that by the
-    level's height. ``px_per_m`` is the scale of what stands there and is seen at right angles.
+    ``by_uv`` (m/px) is the derivative with respect to the pixel of the footage, ``by_height`` with
+    respect to the level's height. ``px_per_m`` is the image scale there, perpendicular to the view.
     """
 
     xy_m: Float[np.ndarray, "n 2"]
@@ -29,8 +29,8 @@ class Level:
 class Rays:
     """Rays of the world through pixels of the footage; NaN for pixels without one.
 
-    ``direction`` has unit depth along the optical axis; ``by_uv`` is its derivative by the pixel.
-    ``row_normal`` is the unit normal of the plane of sight of the pixel's row, down the image.
+    ``direction`` has unit depth along the optical axis; ``by_uv`` is its derivative with respect to
+    the pixel. ``row_normal`` is the unit normal of the pixel row's viewing plane, down the image.
     """
 
     origin_m: Float[np.ndarray, "3"]
@@ -81,9 +81,9 @@ class Rays:
 
 
 def _undistortion(camera: Camera, flat: np.ndarray) -> np.ndarray:
-    """Derivative (n, 2, 2) of undistorted pixels by pixels of the footage.
+    """Derivative (n, 2, 2) of undistorted pixels with respect to pixels of the footage.
 
-    The inverse of the lens's derivative, which central differences give.
+    The inverse of the distortion's derivative, from central differences.
     """
     if not np.any(camera.distortion):
         return np.broadcast_to(np.eye(2), (len(flat), 2, 2))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 _FIGURES = "figures"
 _MOST_DRAWN = 40_000
-"""So many positions are drawn in a picture at most; more cannot be told apart."""
+"""Most positions drawn in one figure; more cannot be distinguished."""
 _MANY_WITHOUT = 0.5
 """Share of rows without a position beyond which the camera is probably wrong."""
 
@@ -40,17 +40,17 @@ def track(
     progress: Progress | None = None,
     **more: Any,
 ) -> TrackRun:
-    """Follow people and vehicles through footage of a calibrated camera, and write a scene.
+    """Track people and vehicles in footage of a calibrated camera, and write a scene.
 
     ``source`` is a video or a stream, or None with annotations; ``camera`` a camera file or a
     camera in memory; ``out`` the folder of the scene, which is added to. Options are those of
-    :class:`TrackOptions`, in one or by their names: ``track(video, camera, "scene", rate_hz=5)``.
-    A run over a video that
-    was killed goes on after its last complete chunk of footage, and its result is that of a run
-    that was not. A stream is watched until it ends or Ctrl-C is pressed; each time is a run of its
-    own, and what was seen is part of the scene within half a minute. Raises :class:`InputError` for
-    bad input (a camera that moved is one), :class:`UnavailableError` where weights cannot be had,
-    and :class:`OutputError` where the scene cannot be written.
+    :class:`TrackOptions`, as an object or by name: ``track(video, camera, "scene", rate_hz=5)``.
+
+    A killed run over a video resumes after its last complete chunk of footage, with the same
+    result as an uninterrupted run. A stream is tracked until it ends or Ctrl-C is pressed; each
+    call is a separate run, and results are in the scene within half a minute. Raises
+    :class:`InputError` for bad input (including a camera that moved), :class:`UnavailableError` if
+    weights are not available, and :class:`OutputError` if the scene cannot be written.
     """
     options = replace(options or TrackOptions(), **more)
     seen = options.annotations or source
@@ -76,7 +76,7 @@ def track(
 def _calibrated(
     camera: str | Path | Calibration | Camera,
 ) -> tuple[Calibration, dict[str, Any], Path | None]:
-    """The calibration, how a scene stores it, and where a picture of the scene may lie."""
+    """The calibration, its stored form, and the path where an image of the view may exist."""
     if isinstance(camera, Camera):
         camera = Calibration.of_camera(camera)
     if isinstance(camera, Calibration):
@@ -116,8 +116,8 @@ def _shown_name(seen: str | Path | None) -> str:
 
 
 def _run_name(seen: str | Path, began: datetime | None) -> str:
-    """The footage's name, with a mark that tells it from others of that name: the same footage gets
-    the same name. A stream is never the same again, so its name says when it ``began``.
+    """The footage's name with a hash of its path: the same footage gets the same name. Each run of
+    a stream is different, so its name includes the time when it ``began``.
     """
     from scene4d.video.stream import without_password
 
@@ -130,7 +130,7 @@ def _run_name(seen: str | Path, began: datetime | None) -> str:
 def _looks(
     footage: "Source | None", job: Job, *, live: bool
 ) -> tuple[Iterator["Look"], dict[str, Any]]:
-    """What is followed, and where it comes from."""
+    """The looks to track, and their provenance."""
     options = job.options
     if options.annotations is not None:
         from scene4d.tracking.annotated import annotated_looks
@@ -161,7 +161,7 @@ def _writer(job: Job, provenance: dict[str, Any]) -> "SceneWriter":
 
 
 def _write(writer: "SceneWriter", looks: Iterator["Look"], job: Job, *, live: bool) -> None:
-    """Follow, and write what has become final; of a stream at once."""
+    """Track, and write rows that have become final; for a stream, commit at once."""
     from scene4d.tracking.following import follow
 
     for tracks in follow(
@@ -191,7 +191,7 @@ def _put(writer: "SceneWriter", tracks: Tracks, run: TrackRun) -> None:
 
 
 def _finish(job: Job) -> None:
-    """Count and draw what was written."""
+    """Count and draw the tracks written."""
     from scene4d.store.query import Scene
 
     run = job.run
@@ -209,7 +209,7 @@ def _finish(job: Job) -> None:
 
 
 def _drawn(job: Job, paths: dict[int, tuple[str, np.ndarray]]) -> Path | None:
-    """The picture of a run; None where nobody has a position."""
+    """The figure of a run; None if no row has a position."""
     from scene4d.drawing.scene_map import draw_scene_map
     from scene4d.store.runs import file_name
     from scene4d.tracking.watching import calibrated_view

@@ -1,4 +1,4 @@
-"""What the smoother reads, put in order: sightings, frames between them, states from before."""
+"""The smoother's input in order: detections, frames between them, and earlier states."""
 
 from dataclasses import dataclass
 
@@ -12,8 +12,8 @@ from scene4d.tracking._motion_model import class_numbers
 
 @dataclass(frozen=True, eq=False)
 class Sightings(Columns):
-    """Rows of associated detections, in any order. ``xy_m`` and ``covariance_m2`` (m², of one
-    sighting, without the camera's own error) are NaN where a row has no ground point.
+    """Associated detections, in any order. ``xy_m`` and ``covariance_m2`` (m², of one detection,
+    without the calibration error) are NaN where a row has no ground point.
     """
 
     track: Int[np.ndarray, "n"]
@@ -41,9 +41,9 @@ class Sightings(Columns):
 
 @dataclass(frozen=True, eq=False)
 class Memory(Columns):
-    """Where a stream goes on: the state of each track's last row before, given all until then.
+    """State from which a stream continues: each track's last row, given all detections up to it.
 
-    ``measured_s`` is the time of the track's last position, NaN where it never had one.
+    ``measured_s`` is the time of the track's last position, NaN if it never had one.
     """
 
     track: Int[np.ndarray, "k"]
@@ -67,11 +67,11 @@ BRIDGED, REMEMBERED = -1, -2
 
 @dataclass(frozen=True, eq=False)
 class TrackRows(Columns):
-    """Sightings, bridged frames and remembered states by (track, frame).
+    """Detections, bridged frames and remembered states by (track, frame).
 
-    ``source`` is the row of the sightings, or a mark above; ``kind`` the class number.
-    ``measured_s`` is the time of the position that the row knows, NaN where it knows none; ``xy_m``
-    and ``covariance_m2`` are NaN where nothing was measured.
+    ``source`` is the row of the detections, or one of the marks above; ``kind`` the class number.
+    ``measured_s`` is the time of the row's position, NaN if it has none; ``xy_m`` and
+    ``covariance_m2`` are NaN where nothing was measured.
     """
 
     source: Int[np.ndarray, "n"]
@@ -116,7 +116,7 @@ def in_order(
     if not len(frame):
         return found
     both = TrackRows.joined([found, _bridges(found, frame, frame_time_s, max_gap_s)])
-    # Behind a sighting without a position the bridge of the same frame is dropped.
+    # A detection without a position replaces the bridge of the same frame.
     order = np.lexsort((both.source == BRIDGED, both.frame, both.track))
     both = both.select(order)
     again = (np.diff(both.track) == 0) & (np.diff(both.frame) == 0)

@@ -1,4 +1,4 @@
-"""The steps with PyAV that files and streams share."""
+"""PyAV steps shared by files and streams."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -17,8 +17,7 @@ _NOT_FOOTAGE = frozenset({"tty", "concat"})
 def video_stream(container: Any, name: str) -> Any:
     """The first video stream, set to decode with all cores.
 
-    Raises :class:`InputError` where there is none, where its codec is unknown, or where a picture
-    would be too large.
+    Raises :class:`InputError` if there is none, its codec is unknown, or its frames are too large.
     """
     streams = [
         s
@@ -42,7 +41,7 @@ def video_stream(container: Any, name: str) -> Any:
 
 
 def pixel_notes(stream: Any, name: str) -> list[str]:
-    """A warning where the file declares pixels that are not square."""
+    """A warning if the file declares non-square pixels."""
     aspect = stream.sample_aspect_ratio
     if not aspect or aspect == 1:
         return []
@@ -55,8 +54,8 @@ def pixel_notes(stream: Any, name: str) -> list[str]:
 def packets(container: Any, stream: Any) -> Iterator[Any]:
     """Whole packets, until the end or :class:`av.error.FFmpegError`.
 
-    An empty packet would end the decoder, and half a packet would be patched up with other frames'
-    content.
+    An empty packet would end the decoder, and a partial packet would be completed with content of
+    other frames.
     """
     for packet in container.demux(stream):
         if packet.size and not packet.is_corrupt:
@@ -64,7 +63,7 @@ def packets(container: Any, stream: Any) -> Iterator[Any]:
 
 
 def decode(stream: Any, packet: Any) -> tuple[list[Any], bool]:
-    """The whole frames that come out for a packet (None: the rest), and whether all went well."""
+    """The intact frames decoded from a packet (None: flush), and whether none was damaged."""
     try:
         frames = list(stream.codec_context.decode(packet))
     except av.error.FFmpegError:
@@ -74,7 +73,7 @@ def decode(stream: Any, packet: Any) -> tuple[list[Any], bool]:
 
 
 def upright_bgr(frame: Any, name: str) -> UInt8[np.ndarray, "h w 3"]:
-    """The decoded frame as BGR, turned and mirrored as its display matrix says.
+    """The decoded frame as BGR, rotated and mirrored by its display matrix.
 
     The matrix ((a, b, u), (c, d, v), (x, y, w)) shows pixel (p, q) at (a p + c q, b p + d q)
     (ISO 14496-12, 6.2.2; FFmpeg's libavutil/display.h).

@@ -1,4 +1,4 @@
-"""Pictures as footage: a single image, or images in natural order of their names."""
+"""Images as footage: a single image, or images in natural order of their names."""
 
 import re
 import warnings
@@ -28,7 +28,7 @@ def natural_key(path: Path) -> tuple[list[tuple[int, int, str]], str]:
 def _read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
     """An image as 8-bit BGR: grey is repeated, alpha dropped, 16 bits divided by 256.
 
-    EXIF orientation is applied. Raises :class:`InputError` for a file that is no whole image.
+    EXIF orientation is applied. Raises :class:`InputError` if the file is not a complete image.
     """
     try:
         data = np.fromfile(path, np.uint8)
@@ -51,9 +51,9 @@ def _read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
 
 
 def _check_header(path: Path) -> None:
-    """Refuse a picture that is too large before its pixels are decoded.
+    """Reject an image that is too large before its pixels are decoded.
 
-    A header that Pillow does not read passes: whoever decodes says what is wrong.
+    A header that Pillow cannot read passes; the decoder reports the error.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -70,7 +70,7 @@ def _check_header(path: Path) -> None:
 
 
 class ImageSource(Source):
-    """Images in the order given. They carry no clock: ``time_s`` is NaN (0 for a single image)."""
+    """Images in the order given. They have no clock: ``time_s`` is NaN (0 for a single image)."""
 
     def __init__(self, name: str, paths: list[Path]) -> None:
         self.name = name
@@ -104,7 +104,7 @@ class ImageSource(Source):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """One sentence with the count of images that could not be read."""
+        """One sentence with the number of unreadable images."""
         if not self._unreadable:
             return ()
         first = self._unreadable[min(self._unreadable)]

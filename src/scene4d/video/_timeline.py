@@ -1,4 +1,4 @@
-"""When each frame of a video file is shown, and which are key frames, without decoding."""
+"""Display times and key frames of a video file, without decoding."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -10,9 +10,9 @@ from jaxtyping import Bool, Int
 
 @dataclass(frozen=True, eq=False)
 class PacketTable:
-    """One entry per frame in display order. ``pts`` is None where the container has no times.
+    """One entry per frame in display order. ``pts`` is None if the container has no times.
 
-    ``packets`` counts everything that the file holds, also what its edit list hides.
+    ``packets`` counts all packets in the file, including those hidden by its edit list.
     """
 
     pts: Int[np.ndarray, "n"] | None
@@ -21,7 +21,7 @@ class PacketTable:
 
 
 def read_packet_table(container: Any, stream: Any, size_bytes: int | None) -> PacketTable:
-    """The packet table of an open file, from its index where that suffices, else by reading it.
+    """The packet table of an open file, from its index if sufficient, else by reading it.
 
     An index (MP4, AVI) holds decoding times. Unless frames are reordered, these are the display
     times up to a constant, and a file of any length opens at once. With reordering, or without a
@@ -42,7 +42,7 @@ def _from_index(stream: Any, size_bytes: int | None) -> PacketTable | None:
     )
     pts, is_key, hidden, end = rows.T
     if end.max() > size_bytes or hidden.any() or (np.diff(pts) <= 0).any():
-        return None  # cut short, edited or disordered: only its packets tell
+        return None  # cut short, edited or disordered: read the packets
     return PacketTable(pts - pts[0] + stream.start_time, is_key.astype(bool), len(pts))
 
 
@@ -59,7 +59,7 @@ def _from_packets(container: Any, stream: Any) -> PacketTable:
                 pts.append(packet.pts)
                 keys.append(packet.is_keyframe)
     except av.error.FFmpegError:
-        pass  # a file cut short: what was read up to here is what it holds
+        pass  # a file cut short: it ends with what was read so far
     is_key = np.array(keys, bool)
     known = [p for p in pts if p is not None]
     if len(known) < len(pts) or len(set(known)) < len(known):

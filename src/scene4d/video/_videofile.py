@@ -15,32 +15,32 @@ from scene4d.video._timeline import read_packet_table
 from scene4d.video.frames import Frame, Source, Timeline
 
 _SEEK_GAIN_FRAMES = 12
-"""A seek costs about as much as decoding this many frames, so a shorter gap is decoded."""
+"""A seek costs about as much as decoding this many frames, so shorter gaps are decoded."""
 _FRAME_THREADS_FROM = 64
-"""Threads that work on several frames at once start anew after each seek; short runs lose."""
+"""Frame-level threads restart after each seek, so they pay off only for runs of this length."""
 _INEXACT_AFTER_SEEK = frozenset({"mpeg"})
-"""MPEG-PS stamps only some frames, so that after a seek the times of the others are guesses."""
+"""MPEG-PS stamps only some frames, so after a seek the times of the others are guesses."""
 _SEEK_AHEAD_S = (0.0, 1.0, 5.0, 30.0, 1e6)
-"""How far before a key frame to seek, in turn, where a seek lands behind it."""
+"""How far before a key frame to seek, tried in turn, if a seek lands after it."""
 _FALLBACK_RATE = 25.0
-"""Frames a second of a file that states neither times nor a rate: PAL, as most old recorders."""
+"""Frames per second of a file without times and rate: PAL, as in most old recorders."""
 _SKIPS_WELL = frozenset({"h264", "hevc", "mpeg2video", "mpeg4"})
-"""Decoders that leave out unreferenced packets on demand and nothing else (libdav1d loses frames
-that were asked for); tests/video/test_video_files.py shows it for each."""
+"""Decoders that skip only unreferenced packets on request (libdav1d loses requested frames);
+tests/video/test_video_files.py shows it for each."""
 _EVEN_SHARE = 0.8
-"""A recording has a constant rate if so many of its steps are even; chosen by hand."""
+"""A recording has a constant rate if this share of its steps is even; chosen by hand."""
 _MISSING_SHARE = 0.01
-"""Missing frames are worth a note from this share of all on: recorders drop single ones."""
+"""Smallest share of missing frames that is reported: recorders drop single ones."""
 
 
 class VideoSource(Source):
-    """A video file. Each call of :meth:`frames` opens it anew, so calls may run side by side.
+    """A video file. Each call of :meth:`frames` opens it again, so calls may run concurrently.
 
-    The index of a frame is its rank in display order among the frames that the file holds. It is
-    exact also at variable frame rates and after seeking, because the packets' times are read
-    first (see :mod:`scene4d.video._timeline`). Only where the container has no times (a raw
-    elementary stream, or clocks that jump back) the frames are counted as they decode, and
-    ``time_s`` follows from the nominal rate. There, and in MPEG-PS, nothing is skipped by seeking.
+    The index of a frame is its rank in display order among the frames in the file. It is exact
+    even at variable frame rates and after seeking, because the packets' times are read first (see
+    :mod:`scene4d.video._timeline`). Only if the container has no times (a raw elementary stream, or
+    clocks that jump back) are frames counted as they decode, with ``time_s`` from the nominal rate.
+    Such files and MPEG-PS are read without seeking.
     """
 
     timeline: Timeline
@@ -50,7 +50,7 @@ class VideoSource(Source):
         self.name = str(path)
         self._asked: set[int] = set()
         self._failed: set[int] = set()
-        self._damaged: set[int] = set()  # key frames behind which a packet did not decode
+        self._damaged: set[int] = set()  # key frames after which a packet did not decode
         with self._open() as container:
             stream = video_stream(container, self.name)
             self._notes = pixel_notes(stream, self.name)
@@ -97,7 +97,7 @@ class VideoSource(Source):
             )
 
     def _expected_frames(self, container: Any, found: int) -> int:
-        """How many frames a container that does not count them should hold."""
+        """Expected number of frames in a container that does not state it."""
         step_s = _constant_step_s(self.timeline.time_s)
         if container.duration and len(container.streams) == 1:
             return round(container.duration / av.time_base / (step_s or 1 / self.fps))
@@ -157,7 +157,7 @@ class VideoSource(Source):
             raise self._nothing_decodes(len(wanted))
 
     def _runs(self, wanted: list[int]) -> Iterator[list[int]]:
-        """Groups of frames that are decoded in one go; a seek stands between groups."""
+        """Groups of frames that are decoded in one run, with a seek between groups."""
         key_before = self.timeline.key_before
         run: list[int] = []
         for i in wanted:
@@ -199,16 +199,16 @@ class VideoSource(Source):
             self._damaged.add(int(self.timeline.key_before[index]))
 
     def _packets_for(self, container: Any, stream: Any, run: list[int]) -> Iterator[Any]:
-        """Packets from the key frame before the run to its last one, then None (flush).
+        """Packets from the key frame before the run to its last frame, then None (flush).
 
-        Packets that nothing refers to and nobody asked for are not decoded (NONREF).
+        Unreferenced packets that are not wanted are not decoded (NONREF).
         """
         if self._pts is None:
             yield from _to_the_end(container, stream)
             return
         key = int(self.timeline.key_before[run[0]])
         unfed = {int(self._pts[i]) for i in run}
-        # The first run of a file that was just opened needs no seek if it begins at the front.
+        # The first run of a newly opened file needs no seek if it begins near the start.
         seek = self._can_seek and key > _SEEK_GAIN_FRAMES
         key_pts = int(self._pts[key])
         following = _from_key(container, stream, key_pts) if seek else _readable(container, stream)
@@ -224,7 +224,7 @@ class VideoSource(Source):
 
 
 def _readable(container: Any, stream: Any) -> Iterator[Any]:
-    """Packets up to what cannot be read; what came before is used."""
+    """Packets up to the first that cannot be read."""
     with suppress(av.error.FFmpegError):
         yield from packets(container, stream)
 
@@ -236,9 +236,9 @@ def _to_the_end(container: Any, stream: Any) -> Iterator[Any]:
 
 
 def _from_key(container: Any, stream: Any, key_pts: int) -> Iterator[Any]:
-    """Packets from the key frame on; it is sought further ahead where a seek lands behind it.
+    """Packets from the key frame on; seeks to earlier positions if a seek lands after it.
 
-    MP4, MKV and AVI land on the key frame; MPEG-TS and PS search by guesses.
+    MP4, MKV and AVI land on the key frame; MPEG-TS and PS only estimate its position.
     """
     for ahead_s in _SEEK_AHEAD_S:
         target = key_pts - round(ahead_s / float(stream.time_base))
@@ -259,7 +259,7 @@ def _from_key(container: Any, stream: Any, key_pts: int) -> Iterator[Any]:
 
 
 def _constant_step_s(time_s: np.ndarray) -> float | None:
-    """The usual time between frames; None where the rate varies."""
+    """The usual time between frames; None if the rate varies."""
     steps = np.diff(time_s)
     usual = float(np.median(steps)) if len(steps) else 0.0
     even = np.abs(steps - usual) < 0.1 * usual + 0.001  # containers round to milliseconds
@@ -267,7 +267,7 @@ def _constant_step_s(time_s: np.ndarray) -> float | None:
 
 
 def _rank(pts: np.ndarray, value: int | None) -> int:
-    """The display index of a time stamp, -1 where it is none of the file's."""
+    """The display index of a time stamp, -1 if the file does not contain it."""
     if value is None:
         return -1
     i = int(np.searchsorted(pts, value))

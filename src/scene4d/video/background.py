@@ -1,4 +1,4 @@
-"""The scene without the people in it: the median of a few frames."""
+"""The background without people: the median of a few frames."""
 
 import numpy as np
 from jaxtyping import UInt8
@@ -7,13 +7,13 @@ from scene4d.video.frames import Frame
 
 _MAX_FRAMES = 21
 _MIN_FRAMES = 5
-"""More frames add little to a median; fewer still show whoever stands about. Chosen by hand."""
+"""More frames add little to a median; with fewer, standing people remain. Chosen by hand."""
 MAX_BYTES = 200e6
-"""Memory that the kept frames may take; fewer are kept of larger ones."""
+"""Memory limit for the kept frames; of larger frames fewer are kept."""
 
 
 class Background:
-    """Keeps a few of the sampled frames, spread over the clip, and gives their median."""
+    """Keeps a few of the sampled frames, spread over the clip, and computes their median."""
 
     def __init__(self, image_size: tuple[int, int], expected_frames: int | None) -> None:
         width, height = image_size
@@ -31,11 +31,11 @@ class Background:
 
     @property
     def is_median(self) -> bool:
-        """Whether enough frames were kept for what moves to disappear."""
+        """Whether enough frames were kept to remove moving objects."""
         return len(self._kept) >= _MIN_FRAMES
 
     def image(self) -> UInt8[np.ndarray, "h w 3"] | None:
-        """The median picture; the first frame where there are too few; None without any."""
+        """The median image; the first frame if there are too few; None if there are none."""
         if not self._kept:
             return None
         if not self.is_median:

@@ -1,4 +1,4 @@
-"""What every source of footage offers: frames, their times, and warnings."""
+"""The interface of all footage sources: frames, their times, and warnings."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
@@ -11,18 +11,17 @@ from jaxtyping import Bool, Float, Int, UInt8
 from scene4d.core.errors import InputError
 
 MOST_PIXELS = 175_000_000
-"""Largest picture: 0.5 GB as BGR. The largest camera sensors have 150 megapixels."""
+"""Largest image: 0.5 GB as BGR. The largest camera sensors have 150 megapixels."""
 _MOST_SIDE_PX = 32_766
 """OpenCV cannot remap or warp longer sides (SHRT_MAX)."""
 _LEAST_SIDE_PX = 8
-"""Less shows nothing, and scaling it leaves no pixel."""
+"""Smaller images show nothing, and scaling them leaves no pixel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """One picture. ``index`` counts from 0 in display order, ``time_s`` from the first frame.
-
-    ``time_s`` is NaN where the source has no clock (loose images).
+    """One image. ``index`` counts from 0 in display order; ``time_s`` is seconds from the first
+    frame, NaN if the source has no clock (separate images).
     """
 
     index: int
@@ -51,7 +50,7 @@ class Timeline:
 
     @property
     def frame_s(self) -> float:
-        """Mean time from one frame to the next; NaN where it is unknown."""
+        """Mean time from one frame to the next; NaN if unknown."""
         if len(self) < 2:
             return float("nan")
         return float(self.time_s[-1] - self.time_s[0]) / (len(self) - 1)
@@ -66,8 +65,8 @@ class Timeline:
 class Source(ABC):
     """Opened footage; use it as a context manager, or call :meth:`close`.
 
-    ``name`` is what messages call it, ``image_size`` is (width, height) in pixels as shown
-    upright, ``timeline`` is None for a stream, whose end is unknown.
+    ``name`` identifies it in messages, ``image_size`` is (width, height) in pixels after rotation,
+    ``timeline`` is None for a stream, whose end is unknown.
     """
 
     name: str
@@ -80,14 +79,14 @@ class Source(ABC):
         """Frames of the given indices in ascending order, each once; all of them for None.
 
         A frame that cannot be decoded is left out and counted in :attr:`warnings`. Raises
-        :class:`InputError` for an index that does not exist, a frame of another size, or where
-        nothing decodes.
+        :class:`InputError` for an index that does not exist, a frame of another size, or if no
+        frame decodes.
         """
 
     @property
     @abstractmethod
     def warnings(self) -> tuple[str, ...]:
-        """What was wrong so far, in sentences; complete when the frames have been read."""
+        """Problems so far, in sentences; complete when all frames have been read."""
 
     @property
     def frame_count(self) -> int | None:
@@ -96,13 +95,13 @@ class Source(ABC):
 
     @property
     def duration_s(self) -> float | None:
-        """Time from the first frame to the end of the last; None where there is no clock."""
+        """Time from the first frame to the end of the last; None without a clock."""
         if self.timeline is None or not self.timeline.has_clock or len(self.timeline) < 2:
             return None
         return len(self.timeline) * self.timeline.frame_s
 
     def close(self) -> None:  # noqa: B027
-        """Close what is open; most sources hold nothing open."""
+        """Release resources; most sources hold none."""
 
     def __enter__(self) -> "Source":
         return self
@@ -133,7 +132,7 @@ class Source(ABC):
 
 
 def check_picture_size(width: int, height: int, name: str) -> None:
-    """Raise :class:`InputError` for a picture too small or too large to be worked on."""
+    """Raise :class:`InputError` for an image that is too small or too large to process."""
     short, long = sorted((width, height))
     if short < _LEAST_SIDE_PX or long > _MOST_SIDE_PX or width * height > MOST_PIXELS:
         raise InputError(

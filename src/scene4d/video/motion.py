@@ -1,9 +1,10 @@
-"""Does the camera move? Judged from the background, while people walk in front of it.
+"""Detects camera motion from the background, while people walk in front of it.
 
-Each frame is compared with one reference frame. Corners of the reference are followed by
-Lucas-Kanade; a match counts only if it is found back and looks alike, and RANSAC fits a similarity
-transform to the matches. People hide corners or move them in many ways; the background moves as
-one. Local brightness and contrast are evened out first, so that a change of light moves nothing.
+Each frame is compared with one reference frame. Corners of the reference are tracked by
+Lucas-Kanade; a match counts only if tracking it back returns to its start and the patches look
+alike, and RANSAC fits a similarity transform to the matches. People hide corners or move them in
+many ways; the background moves as one. Local brightness and contrast are normalised first, so that
+a change of light does not appear as motion.
 """
 
 from dataclasses import dataclass
@@ -18,38 +19,38 @@ from jaxtyping import Float32, UInt8
 _WORK_WIDTH = 480
 """Frames are compared at this width: a shift of one part in a thousand is still half a pixel."""
 CELLS = (8, 5)
-"""Parts of the picture, each with its own corners, so that no house has them all."""
+"""Cells of the image, each with its own corners, so that one building does not have them all."""
 _CORNERS_PER_CELL = 6
 _MIN_CORNERS = 24
-"""A background with fewer corners than this says nothing."""
+"""A background with fewer corners than this gives no verdict."""
 _MIN_SHIFT = 0.006
 """Movement, as a share of the width, from which a frame counts as moved (root mean square); still:
 at most 0.0017."""
 _MIN_SHARE = 0.2
-"""Share of the frames that must have moved; less is a passing truck or a hand on the lens."""
+"""Share of the frames that must have moved; fewer may be a passing truck or a hand on the lens."""
 _STILL_PX = 1.0
 _STILL_SHARE = 0.25
 _STILL_CELLS = 5
-"""Corners that moved less, so large a share of all, over so many cells: the camera is at rest.
+"""The camera is at rest if this share of all corners, over this many cells, moved less than this.
 Still: a share of at least 0.42."""
 _MIN_LIKENESS = 0.7
-"""Correlation of a corner's surroundings with what was found."""
+"""Correlation of a corner's patch with the matched patch."""
 _STILL_CORRELATION = 0.12
 """Correlation of whole frames above which the view is the same. Still: at least 0.62; two different
 cameras: below 0.035 in 95 % of the pairs."""
 _PATCH_PX = 13
-"""Side of a corner's surroundings."""
+"""Side of a corner's patch."""
 _EVEN_PX = 31
-"""Side of the neighbourhood over which brightness and contrast are evened out."""
+"""Side of the neighbourhood over which brightness and contrast are normalised."""
 _EVEN_CONTRAST = 40.0
 """Standard deviation of the grey levels afterwards."""
 _NOISE_GREY = 6.0
-"""Contrast, in grey levels, that is not amplified: sensor noise must not become structure."""
+"""Contrast, in grey levels, that is not amplified, so that sensor noise gives no corners."""
 _MIN_STRENGTH = 0.004
 """Smaller eigenvalue of the gradient (OpenCV's scale) from which a point counts as a corner."""
 _MIN_AGREEING = 12
 _AGREEING_SHARE = 0.15
-"""So many matches, and this share of all corners, must agree on a movement."""
+"""Number of matches, and share of all corners, that must agree on a movement."""
 _WINDOW_PX = (21, 21)
 _PYRAMID_LEVELS = 4
 """Of Lucas-Kanade."""
@@ -57,11 +58,11 @@ _PYRAMID_LEVELS = 4
 
 @dataclass(frozen=True)
 class MotionVerdict:
-    """Whether the camera moved, and how we know.
+    """Whether the camera moved, and the evidence.
 
     ``max_shift_px`` is the largest movement of the view in pixels of the footage (root mean
-    square over the picture), NaN where the frames that moved show another view altogether.
-    ``reason`` is one sentence where the camera moved or nothing can be said, else None.
+    square over the image), NaN if the moved frames show another view altogether. ``reason`` is one
+    sentence if the camera moved or there is no verdict, else None.
     """
 
     moved: bool
@@ -72,10 +73,10 @@ class MotionVerdict:
 
 
 class MotionMonitor:
-    """Takes sampled frames in any order and tells whether all show the same view.
+    """Takes sampled frames in any order and decides whether all show the same view.
 
-    About 5 ms a frame. The reference is the first frame with enough structure. A scene without
-    structure, or darkness, gives no verdict (``frames_checked`` 0), which is not "moved".
+    Takes about 5 ms per frame. The reference is the first frame with enough structure. A scene
+    without structure, or darkness, gives no verdict (``frames_checked`` 0), not "moved".
     """
 
     def __init__(self, image_size: tuple[int, int]) -> None:
@@ -107,7 +108,7 @@ class MotionMonitor:
                 self._first_moved_s = time_s
 
     def verdict(self) -> MotionVerdict:
-        """What the frames so far say."""
+        """The verdict from the frames so far."""
         moved_frames = len(self._shifts_px)
         moved = moved_frames > 0 and moved_frames >= _MIN_SHARE * self._checked
         known = [s for s in self._shifts_px if np.isfinite(s)]
@@ -137,7 +138,7 @@ class MotionMonitor:
         )
 
     def _shift(self, even: np.ndarray) -> float | None:
-        """Movement in work pixels: 0 at rest, NaN for another view, None if it cannot be told."""
+        """Movement in work pixels: 0 at rest, NaN for another view, None if undecided."""
         assert self._reference is not None
         here, there = _follow(self._reference, even, self._corners)
         if self._is_at_rest(here, there):
@@ -157,7 +158,7 @@ class MotionMonitor:
 
 
 def _even(grey: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
-    """Local mean and contrast taken out, so that a change of light leaves the picture as it was."""
+    """Local mean and contrast normalised, so that a change of light has no effect."""
     values = cv2.GaussianBlur(grey, (0, 0), 1).astype(np.float32)
     values -= cv2.blur(values, (_EVEN_PX, _EVEN_PX))
     # The running sums of a box filter may leave a variance just below zero.
@@ -167,7 +168,7 @@ def _even(grey: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
 
 
 def _corners(even: UInt8[np.ndarray, "h w"]) -> Float32[np.ndarray, "n 2"]:
-    """Corners (u, v), not more than a few in each cell of the picture."""
+    """Corners (u, v), at most a few in each cell of the image."""
     strength = cv2.cornerMinEigenVal(even, 5)
     peaks = (strength == cv2.dilate(strength, np.ones((9, 9)))) & (strength > _MIN_STRENGTH)
     v, u = np.nonzero(peaks)
@@ -185,7 +186,7 @@ def _corners(even: UInt8[np.ndarray, "h w"]) -> Float32[np.ndarray, "n 2"]:
 def _follow(
     reference: np.ndarray, even: np.ndarray, corners: Float32[np.ndarray, "n 2"]
 ) -> tuple[Float32[np.ndarray, "m 2"], Float32[np.ndarray, "m 2"]]:
-    """Corners of the reference that were surely found again, and where they are now."""
+    """Corners of the reference that were reliably matched, and their current positions."""
     there, found = _flow(reference, even, corners)
     back, found_back = _flow(even, reference, there)
     sure = found & found_back
@@ -207,7 +208,7 @@ def _flow(a: np.ndarray, b: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _patches(image: np.ndarray, uv: np.ndarray) -> Float32[np.ndarray, "m p"]:
-    """Zero-mean surroundings of each point, one row each."""
+    """Zero-mean patches around the points, one row each."""
     offsets = np.arange(_PATCH_PX, dtype=np.float32) - _PATCH_PX // 2
     du, dv = np.meshgrid(offsets, offsets)
     values = cv2.remap(
@@ -217,7 +218,7 @@ def _patches(image: np.ndarray, uv: np.ndarray) -> Float32[np.ndarray, "m p"]:
 
 
 def _similarity(here: np.ndarray, there: np.ndarray, corners: int) -> np.ndarray | None:
-    """The (2, 3) similarity that most matches share, None where too few agree."""
+    """The (2, 3) similarity transform of most matches, None if too few agree."""
     if len(here) < _MIN_AGREEING:
         return None
     transform, agree = cv2.estimateAffinePartial2D(here, there, ransacReprojThreshold=2.0)
@@ -229,7 +230,7 @@ def _similarity(here: np.ndarray, there: np.ndarray, corners: int) -> np.ndarray
 
 
 def _rms_shift(transform: np.ndarray, size: tuple[int, int]) -> float:
-    """Root mean square movement over the picture, in pixels."""
+    """Root mean square movement over the image, in pixels."""
     u, v = np.meshgrid(np.linspace(0, size[0], 9), np.linspace(0, size[1], 9))
     uv = np.column_stack([u.ravel(), v.ravel()])
     moved = uv @ transform[:, :2].T + transform[:, 2] - uv

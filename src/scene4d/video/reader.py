@@ -17,11 +17,11 @@ _STREAM_SCHEMES = frozenset(
 
 
 def open_source(source: str | os.PathLike[str]) -> Source:
-    """The footage behind a SOURCE.
+    """Open the footage at SOURCE.
 
-    A path that exists wins over its reading as a glob. Images are ordered by the numbers in
-    their names (``frame_2`` before ``frame_10``). Raises :class:`InputError` where there is
-    nothing that can be read, and ``UnavailableError`` for a stream that does not answer.
+    An existing path takes precedence over its interpretation as a glob. Images are ordered by the
+    numbers in their names (``frame_2`` before ``frame_10``). Raises :class:`InputError` if there
+    is nothing readable, and ``UnavailableError`` for a stream that does not answer.
     """
     text = os.fspath(source)
     scheme = re.match(r"([a-z][a-z0-9+.]*)://", text, re.IGNORECASE)
@@ -98,5 +98,5 @@ def _open_file(path: Path) -> Source:
 
 
 def _is_image(path: Path) -> bool:
-    hidden = path.name.startswith(".")  # macOS leaves "._name.jpg" beside pictures
+    hidden = path.name.startswith(".")  # macOS leaves "._name.jpg" beside images
     return not hidden and path.suffix.lower() in IMAGE_SUFFIXES

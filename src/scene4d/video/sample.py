@@ -1,7 +1,7 @@
 """The sample video: people in front of a fixed camera whose true calibration is published.
 
-It is PETS 2009 S2.L1 View_001 (795 frames, 768x576, 10 fps, University of Reading), which OpenCV
-carries as ``vtest.avi``.
+It is PETS 2009 S2.L1 View_001 (795 frames, 768x576, 10 fps, University of Reading), distributed
+with OpenCV as ``vtest.avi``.
 """
 
 from pathlib import Path
@@ -22,14 +22,14 @@ SAMPLE = Download(
 
 
 def sample_video(folder: Path) -> Path:
-    """The sample video in ``folder``, fetched on first use; raises as :func:`.fetched`."""
+    """The sample video in ``folder``, downloaded on first use; raises as :func:`.fetched`."""
     return fetched(SAMPLE, folder)
 
 
 def first_seconds(video: Path, out: Path, seconds: float) -> Path:
-    """Write the beginning of a video as it is coded, without decoding it, and return ``out``.
+    """Copy the beginning of a video without re-encoding, and return ``out``.
 
-    Where ``out`` is there already, it stays.
+    An existing ``out`` is kept.
     """
     import av
 

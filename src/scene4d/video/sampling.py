@@ -1,4 +1,4 @@
-"""Which frames to look at, so that little is decoded that nobody looks at."""
+"""Chooses the frames to analyse, so that few others need decoding."""
 
 from collections.abc import Iterator
 
@@ -9,22 +9,22 @@ from scene4d.core.errors import InputError
 from scene4d.video.frames import Frame, Source, Timeline
 
 _DEFAULT_FRAMES = (100, 200)
-"""Unless told otherwise: one frame a second, but not fewer and not more than these. Chosen by hand:
-docs/ablation.md shows what fewer cost."""
+"""By default one frame per second, within these limits. Chosen by hand: docs/ablation.md shows the
+cost of fewer."""
 STRAIGHT_PIXELS = 1.5e9
-"""Up to this much footage (frames times pixels) is decoded whole: a few seconds on two cores."""
+"""Footage up to this size (frames times pixels) is decoded whole: a few seconds on two cores."""
 _FALLBACK_RATE = 25.0
-"""Frames a second of a stream that states no rate."""
+"""Frames per second of a stream that states no rate."""
 _APART_S = 1.0
-"""People a second apart are in another pose and place; nearer frames tell little new."""
+"""After a second people have another pose and place; closer frames add little information."""
 
 
 def sample_frames(source: Source, n: int | None = None) -> Iterator[Frame]:
     """``n`` distinct frames in order, spread evenly over the footage.
 
-    None takes one frame a second, within 100 to 200 frames. A clip that has no more than that gives
-    all its frames. :func:`choose_frames` says which are taken; a stream gives its frames one second
-    apart as they come. Raises :class:`InputError` for ``n < 1``.
+    None takes one frame per second, within 100 to 200 frames. A shorter clip yields all its frames.
+    :func:`choose_frames` selects them; a stream yields frames one second apart as they arrive.
+    Raises :class:`InputError` for ``n < 1``.
     """
     if n is not None and n < 1:
         raise InputError(f"the number of frames must be at least 1, found {n}")
@@ -35,7 +35,7 @@ def sample_frames(source: Source, n: int | None = None) -> Iterator[Frame]:
 
 
 def expected_count(source: Source, n: int | None = None) -> int:
-    """How many frames :func:`sample_frames` will give; a stream may end before."""
+    """Number of frames that :func:`sample_frames` will yield; a stream may end earlier."""
     if source.timeline is None:
         return _DEFAULT_FRAMES[0] if n is None else n
     wanted = _default_count(source.timeline) if n is None else n
@@ -45,12 +45,11 @@ def expected_count(source: Source, n: int | None = None) -> int:
 def choose_frames(
     timeline: Timeline, n: int | None, image_size: tuple[int, int]
 ) -> Int[np.ndarray, "k"]:
-    """Indices of about the cheapest ``n`` frames that spread evenly over the footage.
+    """Indices of about the cheapest ``n`` frames that are spread evenly over the footage.
 
-    A short clip is decoded straight through, so its frames are exactly even. Of a long one only key
-    frames are taken where there are enough of them; else also the frames at one, two, ... steps
-    behind a key frame, of at least a second where n allows, and no further behind than it takes to
-    have n.
+    A short clip is decoded whole, so its frames are exactly even. A long one uses only key frames
+    if there are enough. Otherwise it also uses frames one, two, ... steps after a key frame, as few
+    steps as needed for ``n`` frames. A step is one second, or less if ``n`` requires it.
     """
     n = _default_count(timeline) if n is None else n
     count = len(timeline)
@@ -70,9 +69,9 @@ def choose_frames(
 
 
 def spread(time_s: Float[np.ndarray, "m"], n: int) -> Int[np.ndarray, "n"]:
-    """Positions of ``n <= m`` distinct ascending times, each nearest to the middle of its share.
+    """Indices of ``n <= m`` distinct ascending times, each nearest to the middle of its interval.
 
-    Where times lie so unevenly that one would be nearest twice, the next free one is taken.
+    If a time would be nearest twice, the next free one is taken.
     """
     count = len(time_s)
     middles = time_s[0] + (np.arange(n) + 0.5) * (time_s[-1] - time_s[0]) / n

@@ -1,4 +1,4 @@
-"""Network streams: frames as they come, without a known end."""
+"""Network streams: frames as they arrive, without a known end."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -12,34 +12,34 @@ from scene4d.video._decoding import decode, packets, pixel_notes, upright_bgr, v
 from scene4d.video.frames import Frame, Source
 
 _STREAM_TIMEOUT_S = 15.0
-"""A camera that sends nothing for so long is lost; players wait 5 to 30 s."""
+"""A camera that sends nothing for this long is considered lost; players wait 5 to 30 s."""
 _FALLBACK_RATE = 25.0
 
 
 def stream_name(url: str) -> str:
-    """A short name of the address, for files: host, path and query without secrets."""
+    """A short name of the address for file names: host, path and query without secrets."""
     return re.sub(r"[^\w.]+", "-", without_password(url).split("://", 1)[-1]).strip("-.")
 
 
 def without_password(url: str) -> str:
-    """The address as messages and reports may show it."""
-    address = re.sub(r"//[^\s/?#]*@", "//", url)  # up to the last @: passwords may hold one
+    """The address without secrets, for messages and reports."""
+    address = re.sub(r"//[^\s/?#]*@", "//", url)  # up to the last @: passwords may contain one
     secret = r"(?i)\b(pass(?:word|wd)?|pwd|token|auth|key)=[^&\s/]*"
     return re.sub(secret, r"\1=***", address)
 
 
 class StreamSource(Source):
-    """A live stream. Frames are numbered from the first one received; none comes back.
+    """A live stream. Frames are numbered from the first one received; each can be read only once.
 
-    ``time_s`` is the stream's own clock from that frame on. Raises :class:`UnavailableError`
-    where the stream cannot be reached.
+    ``time_s`` is the stream's own clock from that frame on. Raises :class:`UnavailableError` if
+    the stream cannot be reached.
     """
 
     def __init__(self, url: str) -> None:
         self.name = without_password(url)
         self.timeline = None
-        self._end: str | None = None  # how it ended, where nobody wanted it to
-        # UDP loses packets of large frames, and damaged frames look like moving things.
+        self._end: str | None = None  # how it ended, if unexpectedly
+        # UDP loses packets of large frames, and damaged frames look like moving objects.
         options = {"rtsp_transport": "tcp"} if url.startswith("rtsp") else {}
         try:
             self._container = av.open(url, options=options, timeout=_STREAM_TIMEOUT_S)
@@ -62,7 +62,7 @@ class StreamSource(Source):
         self.image_size = (width, height)
 
     def _decode(self, stream: Any) -> Iterator[tuple[int, float, Any]]:
-        """(index, time, undecorated frame), where a clock that jumps back is joined on."""
+        """(index, time, decoded frame); a clock that jumps back is continued."""
         index, time_s, last_pts = 0, 0.0, None
         step = 1 / (self.fps or _FALLBACK_RATE)
         for packet in chain(self._packets(stream), [None]):
@@ -78,7 +78,7 @@ class StreamSource(Source):
             self._end += f" after {time_s:.1f} s"
 
     def _packets(self, stream: Any) -> Iterator[Any]:
-        """All that comes; then it is known whether the stream ended or was lost."""
+        """All packets; records at the end whether the stream ended or was lost."""
         try:
             yield from packets(self._container, stream)
         except av.error.FFmpegError as error:
@@ -94,7 +94,7 @@ class StreamSource(Source):
         return (*self._notes, *ended)
 
     def frames(self, indices: Iterable[int] | None = None) -> Iterator[Frame]:
-        """See :meth:`Source.frames`; indices that went by already do not come back."""
+        """See :meth:`Source.frames`; past indices are not available again."""
         wanted = None if indices is None else sorted({int(i) for i in indices})
         while wanted is None or wanted:
             item = self._ahead or next(self._decoded, None)

@@ -11,8 +11,8 @@ from scene4d.core.errors import InputError
 class Undistorter:
     """Removes the distortion of a lens from frames; the result is a pinhole image of the same K.
 
-    Works on frames of ``lens.image_size`` only (see :meth:`Lens.scaled_to`). Pixels that the lens
-    does not show become black.
+    Works only on frames of ``lens.image_size`` (see :meth:`Lens.scaled_to`). Pixels outside the
+    original image become black.
     """
 
     def __init__(self, lens: Lens) -> None:
