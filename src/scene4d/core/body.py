@@ -1,25 +1,25 @@
-"""The one model of people's bodies: heights, radii, keypoints, and when a point counts as seen."""
+"""Body model of people: heights, radii, keypoints, and the score from which a point is seen."""
 
 PERSON_HEIGHT_M = 1.70
-"""Mean height (m) of adults where nothing else is said, shoes (about 2.5 cm) included. Chosen
-between the means of men and women; populations differ by 0.1 m and more (docs/method.md)."""
+"""Default mean height (m) of adults, including shoes (about 2.5 cm). Chosen between the means of
+men and women; populations differ by 0.1 m and more (docs/method.md)."""
 HEIGHT_SIGMA_M = 0.09
 """Standard deviation (m) of adults' heights, men and women together: about 0.07 m within each, and
 0.13 m between their means."""
 FOOT_HEIGHT_M = 0.04
-"""Height (m) of the feet's keypoints (mean of toes and heel) above the ground: inside the shoe, not
-under it. Chosen by hand; the bottom of a box lies on the ground."""
+"""Height (m) of the foot keypoints (mean of toes and heel) above the ground: inside the shoe, not
+under it. Chosen by hand; the bottom of a box is on the ground."""
 BODY_RADIUS_M = 0.25
 """Distance (m) from the axis of a walking body to the rim that a box's bottom edge touches
 (docs/method.md; chosen by hand on the tuning cameras)."""
 HEAD_RADIUS_M = 0.10
-"""Radius (m) of the sphere that stands for the head, which a box's top edge touches (as above)."""
+"""Radius (m) of the sphere that models the head, which a box's top edge touches (as above)."""
 
 MIN_KEYPOINT_SCORE = 0.3
-"""A keypoint that scores less is not seen. Chosen by hand: truncated feet score about 0.1, visible
-ones above 0.5 (RTMPose's score)."""
+"""A keypoint with a lower score is not visible. Chosen by hand: truncated feet score about 0.1,
+visible ones above 0.5 (RTMPose's score)."""
 BORDER_PX = 2.0
-"""A box this near (px) to the image's border may be cut by it: detectors clip at the border, and
+"""A box this near (px) to the image border may be cut by it: detectors clip at the border and
 round. Chosen by hand."""
 
 HALPE26: tuple[str, ...] = (
@@ -36,4 +36,4 @@ COCO17: tuple[str, ...] = HALPE26[:17]
 HEAD_TOP = "head_top"
 LEFT_FOOT: tuple[str, ...] = ("left_big_toe", "left_small_toe", "left_heel")
 RIGHT_FOOT: tuple[str, ...] = ("right_big_toe", "right_small_toe", "right_heel")
-"""What the foot of a person is the mean of."""
+"""Keypoints whose mean is the foot."""

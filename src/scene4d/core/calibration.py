@@ -1,4 +1,4 @@
-"""The result of a calibration: a camera with its uncertainty, or the reason why there is none."""
+"""The result of a calibration: a camera with its uncertainty, or the reason for its absence."""
 
 import os
 from dataclasses import dataclass
@@ -23,35 +23,34 @@ PARAMETERS: tuple[str, ...] = (
     "corner_distortion",
 )
 """Order of the covariance's rows: log f, tilt, roll, log C_Z, and the fraction D by which the lens
-displaces the image's corner: ``k1 = D (f / half diagonal)²``, so that D does not move with f."""
+displaces the image corner: ``k1 = D (f / half diagonal)²``, so that D does not depend on f."""
 GIVEN = "given"
-"""The method of a camera that nobody calibrated here."""
+"""The method of a camera that was not calibrated by scene4d."""
 _STEP = 1e-5
 """Half width of the central differences, in units of the parameters (radians, shares): rounding
-(about 1e-11 relative) and curvature (1e-10) are both far below what is asked."""
+(about 1e-11 relative) and curvature (1e-10) errors are both far below the accuracy needed."""
 _FEET = 200
-"""So many feet say where the scene lies. Chosen: more change no digit that is shown."""
+"""Number of feet that define the scene's location. Chosen: more change no digit that is shown."""
 _ERRORS = ("ground_error_m", "ground_error_from_camera_m")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration:
-    """What a calibration found; false where the camera is undetermined.
+    """The result of a calibration; false if the camera is undetermined.
 
-    ``covariance`` is that of :data:`PARAMETERS` (5x5, zero rows for what was held fixed), None
-    where it is not known. Its consequence on the ground comes as two errors. *Within the scene*
-    is what remains of the error of distances and shapes after the best rigid motion of the whole
-    scene; *from the camera* is the error of positions in the world of the camera (origin below it,
-    heading along +Y). ``ground_error_m`` and ``ground_error_from_camera_m`` hold the median and the
-    90th percentile of the two over where people walked.
+    ``covariance`` is that of :data:`PARAMETERS` (5x5, zero rows for fixed parameters), None if
+    unknown. Its effect on the ground is given as two errors. *Within the scene* is the error of
+    distances and shapes that remains after the best rigid motion of the whole scene; *from the
+    camera* is the error of positions in the world of the camera (origin below it, heading along
+    +Y). ``ground_error_m`` and ``ground_error_from_camera_m`` hold the median and the 90th
+    percentile of the two over the area where people walked.
 
-    ``segments`` (pixels of the footage) are the people that the camera was made from, with
-    ``inlier`` and ``residual`` by row; ``residual`` is the distance between the seen and the
-    predicted head, as a fraction of the person's length in the image. A file does not hold them, so
-    a loaded calibration has their number alone, and ``scene_motion`` (3x5): the rigid motion of the
-    scene (shift along X and Y in metres, turn in radians) by each parameter, from which the error
-    within the scene follows. ``made`` says where the file comes from (source, date, version,
-    command).
+    ``segments`` (pixels of the footage) are the people used for the calibration, with ``inlier``
+    and ``residual`` by row; ``residual`` is the distance between the observed and the predicted
+    head, as a fraction of the person's length in the image. Files do not contain them, so a loaded
+    calibration has only their number and ``scene_motion`` (3x5): the rigid motion of the scene
+    (shift along X and Y in metres, rotation in radians) per unit of each parameter, which gives the
+    error within the scene. ``made`` is the origin of the file (source, date, version, command).
     """
 
     status: str
@@ -74,7 +73,7 @@ class Calibration:
     made: dict[str, str] | None = None
 
     def __post_init__(self) -> None:
-        """``people`` and ``inliers`` (numbers of sightings) are those of the segments, if given."""
+        """Take ``people`` and ``inliers`` (numbers of detections) from the segments, if given."""
         object.__setattr__(self, "image_size", as_image_size(self.image_size))
         if self.segments is not None:
             object.__setattr__(self, "people", len(self.segments))
@@ -146,13 +145,13 @@ class Calibration:
         from_camera: bool = False,
         aligned_over_uv: Float[np.ndarray, "m 2"] | None = None,
     ) -> tuple[Float[np.ndarray, "n 2 2"], Bool[np.ndarray, "n"]]:
-        """Covariance (m²) of ground points seen at pixels ``uv`` of the footage, from the camera's.
+        """Covariance (m²) of ground points at pixels ``uv`` of the footage, due to the camera's.
 
         The error within the scene, or ``from_camera`` (see the class). The rigid motion between the
-        two is fitted by least squares over where people walked, or over the pixels
-        ``aligned_over_uv``, as the paper's evaluation does. Invalid (NaN) at and above the horizon.
+        two is fitted by least squares over the area where people walked, or over the pixels
+        ``aligned_over_uv``, as in the paper's evaluation. Invalid (NaN) at and above the horizon.
         Raises :class:`InputError` without a camera or a covariance, and for the error within the
-        scene where nothing says where people walked.
+        scene if the area where people walked is unknown.
         """
         if self.covariance is None:
             self._camera()
@@ -197,14 +196,15 @@ class Calibration:
 
     @property
     def parameter_covariance(self) -> Float[np.ndarray, "5 5"]:
-        """``covariance``, zero where it is not known."""
+        """``covariance``, zero if unknown."""
         return np.zeros((5, 5)) if self.covariance is None else self.covariance
 
     def ground_jacobian(
         self, uv: Float[np.ndarray, "n 2"]
     ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2 5"], Bool[np.ndarray, "n"]]:
-        """Ground points (n, 2) at pixels of the footage, their derivatives by :data:`PARAMETERS`,
-        and validity; NaN at and above the horizon. Raises :class:`InputError` without a camera.
+        """Ground points (n, 2) at pixels of the footage, their derivatives with respect to
+        :data:`PARAMETERS`, and validity; NaN at and above the horizon. Raises :class:`InputError`
+        without a camera.
         """
         camera = self._camera()
         xy, valid = camera.locate(uv)
@@ -250,7 +250,7 @@ class Calibration:
 
     @classmethod
     def of_camera(cls, camera: Camera) -> "Calibration":
-        """A camera that somebody gives, taken as exact."""
+        """A given camera, taken as exact."""
         n = len(PARAMETERS)
         return cls(
             status="ok",
@@ -264,11 +264,11 @@ class Calibration:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Calibration":
-        """Read a ``camera.json``, which holds all but the people that it was made from.
+        """Read a ``camera.json``, which holds everything except the people used.
 
-        A camera that no calibration made, or whose covariance was not written, has
-        ``covariance`` None: its error is not known. Raises :class:`InputError` naming the file and
-        the field, also where there is no camera.
+        A file without a covariance, such as that of a given camera, has ``covariance`` None: its
+        error is unknown. Raises :class:`InputError` naming the file and the field, also if there
+        is no camera.
         """
         fields = JsonObject.read(path, *SCHEMAS)
         camera = Camera.from_fields(fields)
@@ -301,7 +301,7 @@ class Calibration:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write a ``camera.json`` atomically; :meth:`load` reads all of it back.
 
-        Raises :class:`~scene4d.core.errors.OutputError` where it cannot be written.
+        Raises :class:`~scene4d.core.errors.OutputError` if it cannot be written.
         """
         write_json(path, self.to_dict())
 
@@ -347,7 +347,7 @@ def _texts(fields: JsonObject) -> dict[str, str]:
 def _uncertainty(
     fields: JsonObject,
 ) -> tuple[Float[np.ndarray, "5 5"] | None, Float[np.ndarray, "3 5"] | None]:
-    """``covariance`` and ``scene_motion``; None where the file does not say."""
+    """``covariance`` and ``scene_motion``; None if missing from the file."""
     if "covariance" not in fields:
         return None, None
     n, inside = len(PARAMETERS), fields.object("covariance")

@@ -1,4 +1,4 @@
-"""The camera and its lens: immutable values with the few operations everybody needs."""
+"""The camera and its lens: immutable values with the common operations."""
 
 import os
 from collections.abc import Sequence
@@ -18,10 +18,10 @@ from scene4d.core.text import prefixed, quoted
 
 SCHEMA = "scene4d/camera/2"
 SCHEMAS = ("scene4d/camera/1", SCHEMA)
-"""What is read: schema 2 adds to schema 1 what a calibration's errors within the scene need."""
+"""Schemas that are read: schema 2 adds to schema 1 the fields for errors within the scene."""
 _ASPECT_TOLERANCE = 0.01
-"""How much the aspect ratio may change (share) when a lens is rescaled. Chosen: sizes rounded to
-multiples of 8 or 16 stay within it, a crop or another sensor mode does not."""
+"""Largest change of the aspect ratio (share) when a lens is rescaled. Chosen: sizes rounded to
+multiples of 8 or 16 are within it, a crop or another sensor mode is not."""
 _SHAPES = {"K": (3, 3), "distortion": (5,), "R": (3, 3), "t": (3,)}
 
 
@@ -40,7 +40,7 @@ def _frozen(values: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
 def _unwrapped(
     values: np.ndarray, valid: np.ndarray, single: bool
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Values and validity of a single point, which was given as one, without their first axis."""
+    """Values and validity, without the first axis if a single point was given."""
     return (values[0], valid.reshape(())) if single else (values, valid)
 
 
@@ -49,7 +49,7 @@ class Lens:
     """Intrinsics and distortion of a camera, without its pose.
 
     ``K`` 3x3 in pixels, ``distortion`` in OpenCV's order (k1, k2, p1, p2, k3), ``image_size``
-    (width, height) in pixels. Raises :class:`InputError` for values that are no lens.
+    (width, height) in pixels. Raises :class:`InputError` for invalid values.
     """
 
     image_size: ImageSize
@@ -69,9 +69,10 @@ class Lens:
             )
 
     def scaled_to(self, image_size: ImageSize) -> "Lens":
-        """The same lens for frames of another size; raises where the aspect differs by over 1 %.
+        """The same lens for frames of another size; raises :class:`InputError` if the aspect ratio
+        differs by over 1 %.
 
-        Pixel centres lie at integers, so a coordinate scales as ``(u + 0.5) s - 0.5``.
+        Pixel centres are at integers, so a coordinate scales as ``(u + 0.5) s - 0.5``.
         """
         image_size = as_image_size(image_size)
         if image_size == self.image_size:
@@ -101,7 +102,7 @@ class Lens:
 class Camera(Lens):
     """A calibrated camera: a lens and its pose ``cam_from_world = [R | t]`` in metres.
 
-    Raises :class:`InputError` where ``R`` is no rotation or a value is not finite.
+    Raises :class:`InputError` if ``R`` is not a rotation or a value is not finite.
     """
 
     R: Float[np.ndarray, "3 3"] = field(default_factory=lambda: geometry.R_OVERHEAD)
@@ -183,8 +184,8 @@ class Camera(Lens):
     def homography(self) -> Float[np.ndarray, "3 3"]:
         """Ground (x, y, 1) in metres to *undistorted* pixels (u, v, 1), up to a factor.
 
-        ``np.linalg.inv`` of it goes back. Undistort pixels of the footage first, or use
-        :meth:`locate`, which does so and knows the horizon.
+        ``np.linalg.inv`` gives the reverse mapping. Undistort pixels of the footage first, or use
+        :meth:`locate`, which does so and handles the horizon.
         """
         return self.P[:, [0, 1, 3]]
 
@@ -218,8 +219,8 @@ class Camera(Lens):
     ) -> tuple[Float[np.ndarray, "*n 2"], Bool[np.ndarray, "*n"]]:
         """World points, or one, to pixels of the footage ``(uv, valid)``.
 
-        Invalid (NaN) behind the camera and where the lens model does not reach. The pixels are
-        undistorted ones with ``undistorted``.
+        Invalid (NaN) behind the camera and outside the range of the lens model. With
+        ``undistorted`` the pixels are undistorted ones.
         """
         points, single = as_points(xyz_m, 3, "xyz_m")
         uv, valid = geometry.project(self.P, points)
@@ -237,9 +238,9 @@ class Camera(Lens):
         """Pixels of the footage to world ``(xy_m, valid)`` on the plane ``Z = height_m``.
 
         ``uv`` is an array or a list of points, one point, or boxes with ``xyxy`` (such as
-        ``supervision.Detections``), which stand where their bottom centres are. Invalid (NaN) at
-        and above the horizon, and where the lens model does not reach. The pixels are
-        undistorted ones with ``undistorted``.
+        ``supervision.Detections``), whose bottom centres are used. Invalid (NaN) at and above the
+        horizon, and outside the range of the lens model. With ``undistorted`` the pixels are
+        undistorted ones.
         """
         points, single = as_points(uv)
         if not undistorted:
@@ -254,10 +255,10 @@ class Camera(Lens):
         )
 
     def disturbed(self, step: Float[np.ndarray, "5"]) -> "Camera":
-        """The camera moved by (log f, tilt, roll, log height, corner distortion); heading kept.
+        """The camera changed by (log f, tilt, roll, log height, corner distortion); heading kept.
 
-        The lens bends by position on the sensor, so its coefficients move with the focal length;
-        the last step is the fraction by which the image's corner is displaced further.
+        Distortion depends on the position on the sensor, so its coefficients scale with the focal
+        length; the last step is the additional displacement of the image corner, as a fraction.
         """
         d_log_f, d_tilt, d_roll, d_log_h, d_corner = step
         stretch = np.exp(d_log_f)
@@ -310,7 +311,7 @@ class Camera(Lens):
         return camera
 
     def _check_derived(self, fields: JsonObject) -> None:
-        """Refuse a file whose readable fields do not say what its matrices say."""
+        """Reject a file whose readable fields contradict its matrices."""
         for name, value in self._derived().items():
             if name in fields and not np.isclose(fields.number(name), value, rtol=1e-3, atol=1e-2):
                 raise fields.error(name, f"{value:.6g}, as K, R and t say")
@@ -324,5 +325,5 @@ class Camera(Lens):
         }
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write a ``camera.json`` atomically. Raises :class:`OutputError` where it cannot."""
+        """Write a ``camera.json`` atomically. Raises :class:`OutputError` if it cannot."""
         write_json(path, self.to_dict())

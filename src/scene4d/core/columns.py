@@ -1,4 +1,4 @@
-"""Tables of arrays that have one row per entry."""
+"""Tables of arrays with one row per entry."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -14,14 +14,14 @@ T = TypeVar("T", bound="Columns")
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """A dataclass whose arrays go along one first axis; other fields concern the whole table."""
+    """A dataclass whose arrays share the first axis; other fields apply to the whole table."""
 
     def array_names(self) -> Iterator[str]:
         """Names of the fields that are arrays, in order."""
         return (f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray))
 
     def check_rows(self, what: str) -> None:
-        """Raise :class:`InputError` where an array is longer or shorter than the first."""
+        """Raise :class:`InputError` if the arrays differ in length."""
         for name in self.array_names():
             found = len(getattr(self, name))
             if found != len(self):
@@ -36,7 +36,7 @@ class Columns:
 
     @classmethod
     def joined(cls: type[T], parts: Sequence[T]) -> T:
-        """One table of several (at least one); what is no array is that of the first."""
+        """One table from several (at least one); other fields are taken from the first."""
         arrays: dict[str, Any] = {
             name: np.concatenate([getattr(part, name) for part in parts])
             for name in parts[0].array_names()

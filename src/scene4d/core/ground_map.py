@@ -15,12 +15,11 @@ from scene4d.core.points import ImageSize, PointsLike, as_image_size, as_points
 class GroundMap:
     """Pixels of the footage to ground metres by ``ground_from_uv`` (3, 3); no height, no lens.
 
-    A bare matrix leaves two things open, which are settled here. Its sign: the middle of the
-    image's lowest row sees ground, so whatever has the other sign lies above the horizon. Its
-    handedness: the world is right-handed, seen from above, so a map whose y axis runs down, as in
-    plans, is mirrored (``mirrored`` says so); no rigid motion could do that. The ground's origin
-    may be far away (UTM). Raises :class:`InputError` where the matrix is not 3x3, finite and
-    invertible.
+    A bare matrix leaves two ambiguities, which are resolved here. Sign: the middle of the image's
+    lowest row sees ground, so points with the other sign are above the horizon. Handedness: the
+    world is right-handed, seen from above, so a map whose y axis points down, as in plans, is
+    mirrored (then ``mirrored`` is true); no rigid motion could do that. The ground's origin may be
+    far away (UTM). Raises :class:`InputError` if the matrix is not 3x3, finite and invertible.
     """
 
     image_size: ImageSize
@@ -58,8 +57,8 @@ class GroundMap:
         return (xy_m[0], valid.reshape(())) if single else (xy_m, valid)
 
     def camera(self) -> Camera:
-        """The camera with square pixels, principal point in the middle and no distortion whose
-        ground this is; raises :class:`InputError` where there is none.
+        """The camera with this ground plane, square pixels, central principal point and no
+        distortion; raises :class:`InputError` if there is none.
         """
         width, height = self.image_size
         centre = np.array([(width - 1) / 2, (height - 1) / 2])

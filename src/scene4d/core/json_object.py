@@ -1,4 +1,4 @@
-"""JSON objects from files that may hold anything: every field is read with its type."""
+"""JSON objects from untrusted files: every field is read with a type check."""
 
 import os
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ from scene4d.core.files import read_json
 from scene4d.core.text import quoted
 
 _LARGEST_INTEGER = 2**53
-"""Beyond it, programs that read JSON's numbers as floats read other integers."""
+"""Larger integers change in programs that read JSON numbers as floats."""
 
 
 class JsonObject:
@@ -31,7 +31,7 @@ class JsonObject:
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], *schemas: str) -> "JsonObject":
-        """The object in a file, which must have one of the ``schemas`` where any is given."""
+        """The object in a file, which must have one of the ``schemas`` if any are given."""
         values, where = read_json(path), os.fspath(path)
         found = values.get("schema") if isinstance(values, dict) else None
         if schemas and found not in schemas:
@@ -52,7 +52,7 @@ class JsonObject:
         return InputError(f"{field} must be {expected}, found {quoted(self._values[name])}")
 
     def only(self, known: Iterable[str]) -> None:
-        """Refuse fields of any other name: a mistyped one would be ignored."""
+        """Reject fields with any other name: a mistyped one would be ignored."""
         known = tuple(known)
         unknown = sorted(set(self._values) - set(known))
         if unknown:
@@ -62,11 +62,11 @@ class JsonObject:
             )
 
     def names(self) -> list[str]:
-        """The fields that are there."""
+        """The names of the fields present."""
         return [name for name in self._values if name in self]
 
     def value(self, name: str) -> Any:
-        """Whatever the field holds; None where it is missing."""
+        """The field's value of any type; None if missing."""
         return self._values.get(name)
 
     def text(self, name: str) -> str:
@@ -132,7 +132,7 @@ class JsonObject:
 
 
 def _finite(value: Any) -> float | None:
-    """A JSON number as a float; None for what is none, not finite, or too large (10^400)."""
+    """A JSON number as a float; None if it is not a number, not finite, or too large (10^400)."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 _WIDTH_PX = 360
 _HORIZON, _GRID, _UPRIGHT, _VEHICLE = "#0072B2", "#777777", "#D55E00", "#D55E00"
-"""Okabe and Ito's colours, which also the colour-blind tell apart."""
+"""Okabe and Ito's colours, which colour-blind people can distinguish."""
 _PERSON, _CYCLE = "#0072B2", "#009E73"
 _COLOURS = {"person": _PERSON, "bicycle": _CYCLE, "motorcycle": _CYCLE}
 _STEPS_M = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 _FARTHEST = 12.0
-"""The grid ends at so many camera heights: farther lines run together."""
+"""Extent of the grid in camera heights: farther lines merge."""
 
 
 def beside(rows: Mapping[str, str], picture: str) -> str:
@@ -44,7 +44,7 @@ def camera_svg(camera: "Camera") -> str:
 
 
 def plan_svg(paths: Iterable[tuple[str, Float[np.ndarray, "n 2"]]]) -> str:
-    """Paths of objects of these classes on the ground, +Y up; empty where nobody has a place."""
+    """Paths of objects on the ground by class, +Y up; empty if none has a position."""
     known = [(name, xy[np.isfinite(xy).all(axis=1)]) for name, xy in paths]
     known = [(name, xy) for name, xy in known if len(xy)]
     if not known:
@@ -69,7 +69,7 @@ def _svg(content: str, view: Float[np.ndarray, "4"], label: str) -> str:
 
 
 def _line(uv: np.ndarray, colour: str, width: float) -> str:
-    """The pieces of a curve between points that are not seen (NaN)."""
+    """The pieces of a curve between invisible points (NaN)."""
     seen = np.isfinite(uv).all(axis=1)
     pieces = np.split(uv, np.flatnonzero(np.diff(seen)) + 1) if len(uv) else []
     return "".join(

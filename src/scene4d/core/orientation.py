@@ -1,4 +1,4 @@
-"""What is known of a camera's orientation beforehand, as a Gaussian."""
+"""Prior knowledge of a camera's orientation, as a Gaussian."""
 
 import os
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from scene4d.core.text import prefixed
 
 _FIELDS = ("focal_px", "tilt_deg", "roll_deg")
 _WRITTEN = ("schema", "version", "warnings", "error", "vfov_deg", "frames")
-"""What ``scene4d orientation --json`` writes besides."""
+"""Other fields that ``scene4d orientation --json`` writes."""
 
 
 @dataclass(frozen=True)
@@ -20,8 +20,8 @@ class Orientation:
     """Focal length (pixels), tilt and roll (radians), each with a standard deviation.
 
     A standard deviation of 0 means exactly known, infinity means unknown.
-    ``focal_tilt_correlation`` is that of the errors of log focal length and tilt: an image often
-    shows the horizon's row, ``focal · tan(tilt)``, better than either of the two.
+    ``focal_tilt_correlation`` is the correlation of the errors of log focal length and tilt: an
+    image often determines the horizon's row, ``focal · tan(tilt)``, better than either of the two.
     """
 
     focal_px: float

@@ -77,7 +77,7 @@ class Detections(Columns):
 
     @property
     def box_foot_uv(self) -> Float[np.ndarray, "n 2"]:
-        """Bottom centres of the boxes: where objects touch the ground, as far as a box shows it."""
+        """Bottom centres of the boxes, which approximate the ground contact."""
         x1, _, x2, y2 = self.box_xyxy.T
         return np.column_stack([(x1 + x2) / 2, y2])
 
@@ -127,7 +127,7 @@ class Segments(Columns):
 
     @property
     def foot_height_m(self) -> Float[np.ndarray, "n"]:
-        """Height above the ground of what ``foot_uv`` shows: keypoints of feet, or a box's edge."""
+        """Height above the ground (m) of the points ``foot_uv``: foot keypoints, or a box edge."""
         return np.where(self.from_box, 0.0, FOOT_HEIGHT_M)
 
     @classmethod

@@ -1,4 +1,4 @@
-"""What callers may pass for points and image sizes, turned into arrays and integers."""
+"""Conversion of accepted inputs for points and image sizes to arrays and integers."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable

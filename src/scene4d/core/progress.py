@@ -1,4 +1,4 @@
-"""Who shows progress, and how long each stage took."""
+"""Progress display, and timing of stages."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -10,7 +10,7 @@ Advance = Callable[[int], None]
 
 @runtime_checkable
 class Progress(Protocol):
-    """Who shows progress: a bar for every stage; ``total`` is None where it is unknown."""
+    """Shows progress, such as a bar for every stage; ``total`` is None if unknown."""
 
     def stage(self, title: str, total: int | None) -> AbstractContextManager[Advance]:
         """Begin a stage; call the result with how many steps were done."""
@@ -21,7 +21,7 @@ class Silent:
     """Shows nothing."""
 
     def stage(self, title: str, total: int | None) -> AbstractContextManager[Advance]:
-        """Begin a stage that nobody sees."""
+        """Begin a stage without display."""
         return nullcontext(lambda steps: None)
 
 

@@ -11,7 +11,7 @@ from scene4d.core.errors import OutputError
 
 
 def ensure_folder(path: str | Path) -> Path:
-    """Make the output folder and see that it can be written, before any work is done."""
+    """Create the output folder and check that it is writable, before any work is done."""
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -25,10 +25,10 @@ def ensure_folder(path: str | Path) -> Path:
 
 @contextmanager
 def staged(out: Path, names: Sequence[str], last: str) -> Iterator[Path]:
-    """A folder beside the target to write into; at the end its files ``names`` go to ``out``.
+    """A temporary folder to write into; at the end its files ``names`` are moved to ``out``.
 
-    The earlier result survives whatever fails, Ctrl-C included: every target is checked before the
-    first is touched, and what was moved already is moved back. ``last`` is replaced after all the
+    The earlier result survives any failure, including Ctrl-C: every target is checked before the
+    first is touched, and files already moved are restored. ``last`` is replaced after all the
     others. Files of ``names`` that were not written this time are removed. Raises
     :class:`OutputError` naming the file.
     """

@@ -21,9 +21,8 @@ _MAGIC = b"PAR1"
 
 
 def arrow_table(columns: Mapping[str, np.ndarray]) -> Table:
-    """Arrow columns of 1-D arrays of one length: floats (NaN stays NaN), integers, booleans, texts.
-
-    Raises :class:`InputError` for any other.
+    """Arrow columns from 1-D arrays of one length: floats (NaN stays NaN), integers, booleans or
+    strings. Raises :class:`InputError` for anything else.
     """
     lengths = {len(values) for values in columns.values() if values.ndim == 1}
     if len(lengths) != 1:

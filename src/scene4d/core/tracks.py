@@ -1,4 +1,4 @@
-"""People and vehicles on the ground: where detections stand, and tracks through time."""
+"""People and vehicles on the ground: positions of detections, and tracks through time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -12,21 +12,21 @@ from scene4d.core.columns import Columns
 from scene4d.core.errors import InputError
 
 CLASSES: tuple[str, ...] = ("person", "bicycle", "motorcycle", "car", "truck", "bus", "vehicle")
-"""What a scene holds, under the names of COCO; a ``vehicle`` is one of unknown kind."""
+"""Classes in a scene, with COCO's names; a ``vehicle`` is one of unknown kind."""
 VEHICLES: tuple[str, ...] = CLASSES[1:]
 _MOST_PATHS = 500
-"""A notebook shows no more paths than this, which would be megabytes of SVG."""
+"""Most paths shown in a notebook; more would be megabytes of SVG."""
 
 
 @dataclass(frozen=True, eq=False)
 class Located(Columns):
-    """Where the rows of a :class:`Detections` table stand on the ground, (n, ...).
+    """Ground positions of the rows of a :class:`Detections` table, (n, ...).
 
-    ``xy_m`` is the middle of a person, the centroid of a vehicle; ``covariance_m2`` its
-    independent part: pixels, height and shape of the object, not the camera's own error. All NaN
-    where a row has no ground point. ``heading_rad`` counts from +X to +Y, NaN where the image does
-    not show it; ``heading_sigma_rad`` is its standard deviation, and ``heading_is_axis`` is true
-    where front and back cannot be told apart.
+    ``xy_m`` is the middle of a person or the centroid of a vehicle; ``covariance_m2`` is the
+    independent part of its covariance: pixels, height and shape of the object, not the calibration
+    error. All NaN where a row has no ground point. ``heading_rad`` is from +X to +Y, NaN where the
+    image does not show it; ``heading_sigma_rad`` is its standard deviation, and
+    ``heading_is_axis`` is true where front and back cannot be distinguished.
     """
 
     xy_m: Float[np.ndarray, "n 2"]
@@ -68,11 +68,11 @@ class Tracks(Columns):
 
     World of the camera: metres, Z up. ``time_s`` counts from the clip's start; ``frame`` from 0.
     ``covariance_m2`` is the independent part of a position's covariance, ``shared_covariance_m2``
-    what the camera's own error adds, which all objects of the scene have in common.
+    the part due to calibration error, which all objects of the scene share.
     ``velocity_mps`` and ``velocity_covariance`` (m²/s²) come from smoothing, ``heading_rad`` (from
-    +X to +Y) from the motion, or from the shape of a vehicle that stands. Where ``observed`` is
-    false nobody was seen: the row bridges a gap, its box and score are NaN. Positions are NaN where
-    a sighting has no ground point.
+    +X to +Y) from the motion, or from the shape of a standing vehicle. Where ``observed`` is false
+    the row bridges a gap, and its box and score are NaN. Positions are NaN where a detection has no
+    ground point.
     """
 
     track: Int[np.ndarray, "n"]
@@ -101,7 +101,7 @@ class Tracks(Columns):
         return HALPE26[: self.keypoint_uv.shape[1]]
 
     def columns(self) -> dict[str, np.ndarray]:
-        """1-D columns (n,) under the names that a scene's files have; keypoints are left out."""
+        """1-D columns (n,) with the names used in scene files; keypoints are left out."""
         flat = {
             "track": self.track,
             "class": self.class_name.astype(str),
@@ -142,7 +142,7 @@ class Tracks(Columns):
 
     @classmethod
     def concatenate(cls, parts: Sequence["Tracks"]) -> "Tracks":
-        """One table of several; raises on an empty list and where the skeletons differ."""
+        """One table from several; raises on an empty list or if the skeletons differ."""
         if not parts:
             raise InputError("tracks: nothing to concatenate")
         if len({part.keypoint_uv.shape[1] for part in parts}) > 1:
