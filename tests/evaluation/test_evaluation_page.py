@@ -85,7 +85,7 @@ def test_text_from_outside_is_escaped(page):
 
 def test_it_says_what_was_measured_and_where_it_comes_from(page):
     text = Text(page).text
-    assert "12 places, spread over the ground where people walked" in text
+    assert "12 points, spread over the ground where people walked" in text
     assert "the true camera of a park" in text
     assert "TownCentre" in text and version("scene4d") in text
     assert "the network <is> missing" in text
@@ -126,7 +126,7 @@ def test_a_refusal_carries_its_reason_where_print_shows_it(whole, page):
     assert made.notes.count(reason) == 1
     text = Text(page).text
     assert reason in text
-    assert "1 line gave no result" in text
+    assert "1 row gave no result" in text
     assert 'title="boxes alone do not determine f &lt; g"' in page
 
 
@@ -150,9 +150,9 @@ def test_the_prediction_stands_beside_the_same_measure_of_the_error(whole):
 def test_circular_lines_are_marked_and_claim_nothing(whole, page):
     assert '<tr class="circular">' in page and "circular" in Text(page).text
     said = verdict(whole) + " ".join(paragraphs(whole))
-    assert "1 of 4 lines had circular input" in said
+    assert "1 of 4 rows had circular input" in said
     alone = replace(whole, outcomes=tuple(o for o in whole.outcomes if o.setting.circular))
-    assert "Nothing can be said" in verdict(alone)
+    assert "There is no result" in verdict(alone)
     assert headlines(alone) == ()
     assert "0.00 ±" not in verdict(alone) + " ".join(paragraphs(alone))
     # Grey in the table, and in no figure.
@@ -165,7 +165,7 @@ def test_circular_lines_are_marked_and_claim_nothing(whole, page):
     [
         (1.01, 1.10, "further from the truth"),
         (1.10, 1.01, "closer to the truth"),
-        (1.05, 1.05, "less than 12 points can tell"),
+        (1.05, 1.05, "less than 12 points can resolve"),
     ],
 )
 def test_whoever_loses_is_said_to_lose(paper, joint, words):
@@ -215,7 +215,7 @@ def test_a_bare_camera_of_a_user_gets_a_page():
     evaluation = Evaluation("custom", known, (Outcome.scored(only.setting, bare, known),))
     text = Text(rendered(evaluation)).text
     assert "with the given camera." in text
-    assert "3 places, spread over the ground, were located" in text
+    assert "3 points, spread over the ground, were located" in text
     assert "people walked" not in text and "The paper reports" not in text
     assert table(evaluation).lines[0].cells[1].text.startswith("–")
 
@@ -223,6 +223,6 @@ def test_a_bare_camera_of_a_user_gets_a_page():
 def test_no_outcome_at_all_still_gives_a_page(whole):
     nobody = replace(whole, outcomes=tuple(scenes.refused(scenes.JOINT, "nobody was seen.")))
     text = Text(rendered(nobody)).text
-    assert "Nothing can be said about a park" in text
+    assert "There is no result for a park" in text
     assert "Nobody was seen." in text
     assert "The rule does not look" not in text

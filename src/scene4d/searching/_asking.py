@@ -1,4 +1,4 @@
-"""What a search asks for: words and options, read against a scene."""
+"""The query of a search: words and options, checked against a scene."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,12 +20,12 @@ _DAY_S = 86_400.0
 
 @dataclass(frozen=True)
 class SearchOptions:
-    """What a user may say about a search besides its words.
+    """The options of a search.
 
-    ``min_score`` is the least score of an event. ``top`` is how many events are shown, in pictures
-    and on the page; the result holds all. ``catalogues`` are YAML files of activities beside the
-    built-in ones, ``zones`` is a file of named zones and lines. ``footage`` is a file or a folder
-    in which to look for footage that is no longer where it was tracked.
+    ``min_score`` is the lowest score of an event. ``top`` is how many events are shown with images
+    on the page; the result holds all. ``catalogues`` are YAML files of activities, added to the
+    built-in ones; ``zones`` is a file of named zones and lines. ``footage`` is a file or a folder
+    with the footage, if it has moved since it was tracked.
     """
 
     min_score: float = MIN_SCORE
@@ -35,7 +35,7 @@ class SearchOptions:
     footage: str | Path | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what cannot work before any work is done; raises :class:`InputError`."""
+        """Check the values; raises :class:`InputError`."""
         if not 0 <= self.min_score <= 1:
             raise InputError(f"min_score must lie between 0 and 1, found {self.min_score}")
         if self.top < 1:
@@ -46,8 +46,8 @@ class SearchOptions:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A search that can be made: the ``query`` as it was understood, the ``places`` that it names,
-    and ``notes``: the query's own, and those on how it meets this scene.
+    """A search that is ready to run: the ``query`` as understood, the ``places`` that it names, and
+    ``notes``: those of the query, and those on this scene.
     """
 
     scene: Scene
@@ -58,10 +58,10 @@ class Asked:
 
 
 def understand(scene: Scene, words: str, options: SearchOptions) -> Asked:
-    """Read the words; of the scene only its manifests are looked at.
+    """Parse the words and check them against the scene; only the scene's manifests are read.
 
     Raises :class:`InputError` for words, files and places that are not understood, for a role that
-    nobody in the scene can play, and for a time of day where that of the footage is unknown.
+    no class in the scene can play, and for a time of day if the footage's start is unknown.
     """
     places = Places() if options.zones is None else read_places(Path(options.zones), scene.cameras)
     catalogue = load_catalogue(*map(Path, options.catalogues))
@@ -72,8 +72,8 @@ def understand(scene: Scene, words: str, options: SearchOptions) -> Asked:
     notes = [*query.notes]
     if named.shared and len(scene.cameras) > 1:
         notes.append(
-            f"{', '.join(map(repr, named.shared))}: taken in the metres of each of "
-            f"{len(scene.cameras)} cameras, since the file names none for it"
+            f"{', '.join(map(repr, named.shared))}: used in the ground coordinates of each of "
+            f"{len(scene.cameras)} cameras, because the file names no camera for it"
         )
     if query.window is not None:
         notes += _check_window(scene, query)
@@ -92,7 +92,7 @@ def _check_roles(scene: Scene, query: Query) -> None:
 
 
 def _used(query: Query, places: Places) -> set[str]:
-    """The names of the places that are asked for."""
+    """The names of the places that the query uses."""
     used: set[str] = set()
     for kind in ("zone", "line"):
         for name in places_of(query.activity.terms, kind, PREDICATES):
@@ -107,12 +107,12 @@ def _used(query: Query, places: Places) -> set[str]:
 
 
 def _check_window(scene: Scene, query: Query) -> list[str]:
-    """Notes on the time of day; raises where that of no run is known."""
+    """Notes on the time of day; raises if it is unknown for all runs."""
     runs = [run for run in scene.runs if run.rows]
     unknown = sum(not run.start_known for run in runs)
     if unknown == len(runs):
         raise InputError(
-            f"{query.text!r} asks for a time of day, but when the footage began is not known: "
+            f"{query.text!r} asks for a time of day, but the start of the footage is unknown: "
             "track it again with its start, such as 2026-11-20T08:00:00Z"
         )
     notes = ["times of day are UTC; an event belongs to the time at which it begins"]
@@ -122,7 +122,7 @@ def _check_window(scene: Scene, query: Query) -> list[str]:
 
 
 def reaches(run: Run, window: Window | None) -> bool:
-    """Whether anything in a run can begin in the window."""
+    """Whether an event of the run can begin in the window."""
     if window is None:
         return True
     if not run.start_known or not run.parts:

@@ -1,4 +1,4 @@
-"""What a search found: events as objects, tables, JSON, ActEV and, in notebooks, with a picture."""
+"""The result of a search: events as objects, tables, JSON, ActEV and HTML for notebooks."""
 
 import json
 import math
@@ -35,8 +35,8 @@ _REFUSED_BY_SCORER = re.compile(r"[^A-Za-z0-9_\-.]")
 class FoundEvent:
     """An event, the run that it is in, and its first and last frame.
 
-    ``around`` are everybody's rows at about that time, at the rate that was searched; None for
-    events that are not shown.
+    ``around`` are the rows of all tracks at about that time, at the search rate; None for events
+    that are not shown.
     """
 
     event: Event
@@ -47,20 +47,19 @@ class FoundEvent:
 
     @property
     def clip(self) -> str:
-        """The file that the run was made of, without folders; of annotations without ending."""
+        """The footage's file name, without folders; for annotations without extension."""
         return _clip_name(self.run)
 
     @property
     def when(self) -> str:
-        """The time on the clock (UTC) where it is known, and in the clip."""
+        """The clock time (UTC), if known, and the time in the clip."""
         clip = f"{clip_time(self.event.begin_s)} to {clip_time(self.event.end_s)}"
         began = self._moment(self.event.begin_s)
         return clip if began is None else f"{began:%Y-%m-%d %H:%M:%S} UTC, clip {clip}"
 
     def to_dict(self) -> dict[str, Any]:
-        """The event as ``--json``, ``events.json`` and the page have it: times of day in ISO 8601
-        (UTC), null where the clip's start is not known; null also for a predicate that could not be
-        judged.
+        """The event as in ``--json``, ``events.json`` and the page: times of day in ISO 8601 (UTC),
+        null if the clip's start is unknown; null also for a predicate that cannot be judged.
         """
         event = self.event
         begin, end = self._moment(event.begin_s), self._moment(event.end_s)
@@ -90,8 +89,8 @@ class FoundEvent:
 
 @dataclass
 class SearchResult:
-    """What was asked for, and the events, best first; the runs that were searched, their rows, and
-    how many casts (pairs of a person and a vehicle, say) were judged where no event was found.
+    """The query and its events, best first; the runs searched, their rows, and how many casts
+    (such as pairs of a person and a vehicle) were evaluated if no event was found.
     """
 
     asked: Asked
@@ -108,12 +107,12 @@ class SearchResult:
 
     @property
     def least_score(self) -> float:
-        """What an event must score: ``min_score``, and :data:`LEAST_SCORE` where that is less."""
+        """The lowest score of an event: ``min_score``, but at least :data:`LEAST_SCORE`."""
         return max(self.asked.options.min_score, LEAST_SCORE)
 
     @property
     def verdict(self) -> str:
-        """One sentence: how many events in how many clips, or how much was looked at in vain."""
+        """One sentence: how many events in how many clips, or how many candidates without one."""
         clips = _count(len(self.runs), "clip")
         where = f"{clips} of {_count(len({run.camera for run in self.runs}), 'camera')}"
         if self.events:
@@ -129,7 +128,7 @@ class SearchResult:
         return len(self.events)
 
     def to_dict(self) -> dict[str, Any]:
-        """What was asked for and every event, ready for ``json.dumps``."""
+        """The query and every event, ready for ``json.dumps``."""
         return {
             "query": self.asked.query.text,
             "predicates": list(self.asked.query.predicates),
@@ -168,7 +167,7 @@ class SearchResult:
         return data_frame({name: values for name, (_, values) in self._columns().items()})
 
     def _repr_html_(self) -> str:
-        """The best events as a table, and the very best in a plan."""
+        """The best events as a table, and a plan of the best one."""
         from scene4d.searching.pages._plan import plan_svg, role_colours
 
         roles = [role.name for role in self.asked.query.activity.roles]
@@ -196,9 +195,9 @@ class SearchResult:
         progress: Progress | None = None,
     ) -> Path:
         """Write ``search.html``, a page with clips and plans of the best events, and
-        ``events.json`` with all; the page's path. ``command`` is shown as where it comes from.
+        ``events.json`` with all; returns the page's path. ``command`` is shown on the page.
 
-        Raises :class:`OutputError` where ``out`` cannot be written; an earlier result stays then.
+        Raises :class:`OutputError` if ``out`` cannot be written; an earlier result is then kept.
         """
         from scene4d.searching.pages._page import write_page
 
@@ -228,7 +227,7 @@ class SearchResult:
 
 
 def _clip_name(run: Run) -> str:
-    """The file that a run was made of, without folders; of annotations without their ending."""
+    """The file name of a run's footage, without folders; for annotations without extension."""
     source = run.provenance.get("source") or run.provenance.get("annotations")
     if not isinstance(source, str) or "://" in source:
         return run.run
@@ -261,8 +260,8 @@ def why_groups(why: Mapping[str, float]) -> list[tuple[str, list[tuple[str, str,
 
 
 def actev_files(runs: list[Run]) -> dict[str, str]:
-    """A name for each run's footage that the scorer takes: characters that it refuses become
-    ``_``, and runs that would share one are named by themselves, which differ.
+    """A name for each run's footage that the scorer accepts: characters that it refuses become
+    ``_``, and runs that would share a name are named after the run instead.
     """
     names = {run.run: _REFUSED_BY_SCORER.sub("_", _clip_name(run)) for run in runs}
     count = Counter(names.values())

@@ -1,4 +1,4 @@
-"""What an evaluation says in words: verdict, paragraphs, captions, with numbers from the data."""
+"""The texts of an evaluation page: verdict, paragraphs and captions, filled with numbers."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ HEADINGS = {
     "ground_paper": "The ground by the paper’s method",
     "ground_joint": "The ground by the joint method",
     "ground_other": "The estimated ground",
-    "alignment": "True and estimated places from above",
+    "alignment": "True and estimated positions from above",
     "near": "P(near) over distance",
     "roc": "Telling near from far (ROC)",
 }
@@ -24,19 +24,19 @@ _ALT = {
     "points": "The scene with numbered points on the ground.",
     "consensus": "The scene with people as lines from foot to head, inliers and outliers.",
     "alignment": "Map of true and estimated points.",
-    "near": "Curve of P(near) over distance beside the share of pairs that is truly near.",
+    "near": "Curve of P(near) over distance, and the share of pairs that are truly near.",
     "roc": "ROC curves for several assumed heights of people.",
 }
 _CAPTIONS = {
     "points": "The correspondence points, numbered as in all figures: picked from where people "
     "walked (or from the points given), each as far as possible on the ground from those before "
     "it.",
-    "alignment": "Rings are the true places; the lines to the estimated ones are drawn to scale, "
-    "after the best shift and turn, without scaling.",
-    "roc": "A pair is positive where it is truly near; its score is P(near) of the estimated "
+    "alignment": "Rings are the true positions; lines to the estimated ones are drawn to scale, "
+    "after the best shift and rotation, without scaling.",
+    "roc": "A pair is positive if it is truly near; its score is P(near) of the estimated "
     "distance; the number is the AUC. Only the order of the distances counts, and a wrong height "
-    "of the people scales all distances alike: so the curves of a method hardly differ, and an "
-    "AUC near 1 does not say that distances are right.",
+    "of the people scales all distances by one factor: the curves of a method hardly differ, and "
+    "an AUC near 1 does not mean that the distances are right.",
 }
 _GROUND_ALT = "The scene with the estimated grid on the ground beside the true one."
 
@@ -45,13 +45,13 @@ def verdict(evaluation: Evaluation) -> str:
     """One sentence with the errors of the methods."""
     shown = headlines(evaluation)
     if not shown:
-        return f"Nothing can be said about {evaluation.reference.name}: no line gave a result."
+        return f"There is no result for {evaluation.reference.name}: no row gave one."
     parts = [
         f"{number(s.score.error.mean_m, 2)} ± {_metres(s.score.error.sd_m)} with {s.name}"
         + (f" (given {s.setting.given})" if s.setting.given else "")
         for s in shown
     ]
-    text = f"Places on the ground are off by {' and '.join(parts)}."
+    text = f"The error of ground positions is {' and '.join(parts)}."
     published = evaluation.published
     if published is not None:
         text += f" Published: {number(published.mean_m, 2)} ± {_metres(published.sd_m)}."
@@ -59,7 +59,7 @@ def verdict(evaluation: Evaluation) -> str:
 
 
 def paragraphs(evaluation: Evaluation) -> list[str]:
-    """What was measured and against what, how the methods compare, and what P(near) is worth."""
+    """What was measured, how the methods compare, and how good P(near) is."""
     shown = headlines(evaluation)
     texts = [
         _measured(evaluation),
@@ -75,10 +75,10 @@ def _measured(evaluation: Evaluation) -> str:
     truth = "map of the ground" if isinstance(reference.truth, GroundMap) else "camera"
     where = " where people walked" if _walked(evaluation) else ""
     return (
-        f"{len(reference.points_uv)} places, spread over the ground{where}, were located with each "
-        f"calibration and with the true {truth} of {reference.name}. The distance that is left "
-        "after the best shift and turn is the error; a wrong scale counts in full. ± is one "
-        "standard deviation over the places, as in the paper."
+        f"{len(reference.points_uv)} points, spread over the ground{where}, were located with each "
+        f"calibration and with the true {truth} of {reference.name}. The error is the distance "
+        "after the best shift and rotation; a wrong scale counts in full. ± is one standard "
+        "deviation over the points, as in the paper."
     )
 
 
@@ -100,7 +100,7 @@ def compared(paper: Headline, joint: Headline) -> str:
     mean = float(apart.mean())
     doubt = 2 * float(apart.std(ddof=1)) / np.sqrt(len(apart)) if len(apart) > 1 else np.inf
     if abs(mean) <= doubt:
-        text = f"The two differ by {_metres(abs(mean))}, less than {len(apart)} points can tell."
+        text = f"The two differ by {_metres(abs(mean))}, less than {len(apart)} points can resolve."
     else:
         better = "further from" if mean > 0 else "closer to"
         text = f"Here the joint method is {_metres(abs(mean))} {better} the truth."
@@ -115,7 +115,7 @@ def _near_figures(shown: tuple[Headline, ...]) -> str:
     pairs = shown[0].score.near
     total, near = len(pairs.true_m), int(pairs.positive.sum())
     text = (
-        f"Of {number(float(total), 0)} pairs of places {number(float(near), 0)} are truly within "
+        f"Of {number(float(total), 0)} pairs of points, {number(float(near), 0)} are truly within "
         f"{pairs.tau_m:g} m."
     )
     for s in shown:
@@ -124,10 +124,10 @@ def _near_figures(shown: tuple[Headline, ...]) -> str:
         text += (
             f" {_upper(s.name)} has {rank}Brier scores of {brier['paper']:.4f} as in the paper, "
             f"{brier['expected']:.4f} with the covariance, and {brier['below_tau']:.4f} for the "
-            "plain probability of being that near."
+            "plain probability of being this near."
         )
     return (
-        f"{text} AUC depends on the order of distances alone; a wrong scale does not change it. "
+        f"{text} AUC depends only on the order of distances; a wrong scale does not change it. "
         "All pairs share one camera's errors, so a Brier score (0 is perfect) is a single draw."
     )
 
@@ -139,7 +139,7 @@ def _published(evaluation: Evaluation) -> str:
     return (
         f"The paper reports {number(published.mean_m, 2)} ± {_metres(published.sd_m)} and an AUC "
         f"of {published.auc:g} on this data set, from {published.frames} frames, on its own "
-        "points, with the orientation that its network found. Lines here that are given the true "
+        "points, with the orientation from its network. Rows here that are given the true "
         "orientation have an easier task."
     )
 
@@ -151,17 +151,17 @@ def _left_out(evaluation: Evaluation) -> str:
     parts = []
     if circular:
         parts.append(
-            f"{circular} of {len(settings)} lines had circular input, made from the true camera: "
-            "they are shown in grey, and no claim rests on them."
+            f"{circular} of {len(settings)} rows had circular input, made from the true camera: "
+            "they are shown in grey and support no claim."
         )
     if refused:
-        lines = "1 line gave" if refused == 1 else f"{refused} lines gave"
+        lines = "1 row gave" if refused == 1 else f"{refused} rows gave"
         parts.append(f"{lines} no result; the reason is below the table.")
     return " ".join(parts)
 
 
 def alternative(name: str) -> str:
-    """The alternative text of a figure, for readers who do not see it."""
+    """The alternative text of a figure."""
     return _ALT.get(name, _GROUND_ALT)
 
 
@@ -187,7 +187,7 @@ def _consensus(shown: Headline) -> str:
         "crosses are outliers."
     )
     if found.frames > 1:
-        text += f" People of {number(float(found.frames), 0)} frames lie over one picture."
+        text += f" People from {number(float(found.frames), 0)} frames are drawn on one image."
     if found.people > MAX_PEOPLE:
         text += " An even sample of the people is drawn."
     return text
@@ -197,9 +197,9 @@ def _ground(shown: Headline) -> str:
     error = shown.score.error.distance_m
     worst = int(np.argmax(error))
     return (
-        f"{_upper(_basis(shown))}. White: the grid of the estimated camera on the ground. Dashed: "
-        f"the true course of the same lines. Where the two part, {shown.name} is wrong: by "
-        f"{_metres(float(error.mean()))} on average over the points, and most, by "
+        f"{_upper(_basis(shown))}. White: the ground grid of the estimated camera. Dashed: the "
+        f"same lines with the true camera. Where the two differ, {shown.name} is wrong: by "
+        f"{_metres(float(error.mean()))} on average over the points, and at most by "
         f"{_metres(float(error[worst]))}, at point {worst + 1}."
     )
 
@@ -207,18 +207,17 @@ def _ground(shown: Headline) -> str:
 def _near(shown: tuple[Headline, ...]) -> str:
     text = (
         "The curve is the paper’s P(near). With exact distances it would be a step. The marks are "
-        "what it should have been: the share of pairs at each estimated distance that are truly "
-        "near."
+        "the correct values: the share of pairs at each estimated distance that are truly near."
     )
     for s in shown:
         half = near_share(s.score.near).falls_below(0.5)
         if half is not None:
-            text += f" With {s.name} the share falls through one half at {_metres(half)}."
+            text += f" With {s.name} the share falls below one half at {_metres(half)}."
     return text
 
 
 def _basis(shown: Headline) -> str:
-    """Footage, what was given, and the assumed height of people."""
+    """Footage, given values, and the assumed height of people."""
     given = f"; given: {shown.setting.given}" if shown.setting.given else ""
     return f"{shown.setting.footage}{given}; people {height_text(shown.person_height_m)}\u00a0m"
 
@@ -229,7 +228,7 @@ def _walked(evaluation: Evaluation) -> bool:
 
 
 def _metres(value: float) -> str:
-    """Metres to the centimetre, with a gap that does not break."""
+    """Metres to the centimetre, with a non-breaking space."""
     return f"{number(value, 2)}\u00a0m"
 
 

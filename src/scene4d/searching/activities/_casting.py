@@ -1,4 +1,4 @@
-"""Who could play an activity, and when: moments at which all its roles are there and close."""
+"""Casts of an activity: moments at which all its roles are present and close together."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -21,9 +21,9 @@ from scene4d.searching.predicates._registry import Predicate
 from scene4d.searching.predicates.stage import Stage
 
 View = tuple[str, float]
-"""A role, and how much earlier it is looked at (s)."""
+"""A role, and its time lag (s): how much earlier it is evaluated."""
 _BATCH = 400_000
-"""Moments of casts that are judged at a time: each probability of all of them takes 3 MB."""
+"""Moments of casts that are evaluated at once: one probability for all takes 3 MB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Casts:
         return np.diff(np.append(self.first, len(self.tick)))
 
     def only(self, casts: Bool[np.ndarray, "d"]) -> "Casts":
-        """These casts."""
+        """A selection of the casts."""
         count = self.count[casts]
         keep = np.repeat(casts, self.count)
         rows = {view: row[keep] for view, row in self.rows.items()}
@@ -69,12 +69,12 @@ class Casts:
 
 
 def views_of(term: Term) -> tuple[View, ...]:
-    """What a term looks at: the lag is that of its last role."""
+    """The views of a term: the lag belongs to its last role."""
     return (*((role, 0.0) for role in term.roles[:-1]), (term.roles[-1], lag_of(term)))
 
 
 def rows_of_roles(stage: Stage, activity: Activity) -> dict[str, np.ndarray]:
-    """Rows of the tracks that may play each role; a track is what it is at its first row."""
+    """Rows of the tracks that may play each role; a track has the class of its first row."""
     kinds = stage.tracks.class_name[stage.first_row]
     return {
         role.name: np.flatnonzero(np.isin(kinds, role.classes)[stage.track_of_row] & stage.used)
@@ -97,7 +97,7 @@ def cast(
     rows: Mapping[str, np.ndarray],
     predicates: Mapping[str, Predicate],
 ) -> Casts:
-    """All casts of an activity that come close enough, with the moments that matter.
+    """All casts of an activity whose members come close enough, with the relevant moments.
 
     ``rows`` are those of each role. Two roles are bound by the phases' terms that are improbable
     beyond some distance; roles that nothing binds only need to be there at the same time. Raises
@@ -107,7 +107,7 @@ def cast(
     views = list(dict.fromkeys(view for term in activity.terms for view in views_of(term)))
     base = next((view for view in views if view[1] == 0), None)
     if base is None:
-        raise InputError(f"{activity.name}: every role is looked at earlier, earlier than what?")
+        raise InputError(f"{activity.name}: every role has a time lag; at least one must have none")
     bonds = _bonds(activity, predicates)
     found: dict[View, np.ndarray] = {base: rows[base[0]]}
     while len(found) < len(views):
@@ -130,9 +130,9 @@ class _Bond:
 
 
 def _bonds(activity: Activity, predicates: Mapping[str, Predicate]) -> dict[frozenset[View], _Bond]:
-    """Pairs of views that come near one another in some phase.
+    """Pairs of views that come near each other in some phase.
 
-    Where several phases bind a pair each by its own reach, the widest one holds.
+    If several phases bind a pair, each with its own reach, the widest reach applies.
     """
     pairs = {
         frozenset(views_of(term)): None for term in activity.terms if _reach_m(term, predicates)
@@ -153,7 +153,7 @@ def _bonds(activity: Activity, predicates: Mapping[str, Predicate]) -> dict[froz
 
 
 def _reach_m(term: Term, predicates: Mapping[str, Predicate]) -> float | None:
-    """Distance beyond which a term of two roles is below 0.01 whoever they are; None for any.
+    """Distance beyond which a term of two roles is always below 0.01; None if there is none.
 
     The positions' own errors are left to the search, which widens its boxes by them.
     """
@@ -187,8 +187,8 @@ def _next_link(
     new = next(view for view in views if view not in found)
     if np.isinf(new[1]):
         raise InputError(
-            f"{name}: {new[0]!r} is looked at at any time before, and no predicate such as near "
-            "says where"
+            f"{name}: {new[0]!r} may be at any earlier time, and no predicate such as near "
+            "limits its position"
         )
     same = next((view for view in found if view[0] == new[0]), None)
     if same is not None:
@@ -203,9 +203,9 @@ def _joined(
     bond: _Bond,
     rows: Mapping[str, np.ndarray],
 ) -> dict[View, np.ndarray]:
-    """The moments found so far, with the rows of the new view beside them."""
+    """The moments found so far, with the matching rows of the new view."""
     known, new = link
-    # The one that is looked at later comes first; only one of the two has a lag.
+    # The one evaluated later comes first; only one of the two has a lag.
     late, early = (new, known) if known[1] > 0 else (known, new)
     pairs = _pairs(stage, rows[late[0]], rows[early[0]], early[1], bond)
     from_row, to_row = pairs[::-1] if known[1] > 0 else pairs
@@ -232,7 +232,7 @@ def _pairs(
 
 
 def _consistent(stage: Stage, joined: dict[View, np.ndarray], new: View) -> dict[View, np.ndarray]:
-    """One role is one track, and two roles are two."""
+    """Require one track per role, and different tracks for two roles."""
     track = stage.track_of_row
     keep = np.ones(len(joined[new]), bool)
     for view, row in joined.items():
@@ -269,7 +269,7 @@ def _ordered(
 
 
 def _order(keys: list[np.ndarray]) -> Int[np.ndarray, "n"]:
-    """What sorts by these keys; nothing is sorted that is in order, as it mostly is."""
+    """The order by these keys; skips sorting if they are already sorted, as they mostly are."""
     ordered = np.zeros(max(len(keys[0]) - 1, 0), bool)
     equal = ~ordered
     for key in keys:
@@ -279,7 +279,7 @@ def _order(keys: list[np.ndarray]) -> Int[np.ndarray, "n"]:
 
 
 def is_symmetric(activity: Activity, predicates: Mapping[str, Predicate]) -> bool:
-    """Whether two roles may be swapped without a change of what is asked."""
+    """Whether swapping two roles leaves the activity unchanged."""
     if len(activity.roles) != 2 or set(activity.roles[0].classes) != set(activity.roles[1].classes):
         return False
     one, two = (role.name for role in activity.roles)

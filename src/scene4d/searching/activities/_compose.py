@@ -28,13 +28,13 @@ from scene4d.searching.activities.definition import Phase
 # Chosen by hand on the tuning cameras (MEVA G341 and G424), where half and twice of either change
 # the mean average precision, 0.457, by at most 0.001 (benchmarks/search_constants.py).
 STRETCH = 0.04
-"""Weight of a second outside the core against the core as a whole (1/s)."""
+"""Weight of one second outside the core relative to the whole core (1/s)."""
 MOST_GAIN = 0.5
-"""Largest log odds that a moment outside the core counts; least: those of :data:`FLOOR`."""
+"""Largest log odds of a moment outside the core; the smallest are those of :data:`FLOOR`."""
 _DECIMALS = 9
-"""Digits of log probabilities that count when alignments are compared."""
+"""Decimal digits of log probabilities that are compared between alignments."""
 _ROUNDING = 1e-6
-"""Durations are multiples of the step: what differs by less, in steps, is the same."""
+"""Durations are multiples of the step: smaller differences, in steps, are ignored."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Span:
 
     @classmethod
     def of(cls, phase: Phase, step_s: float) -> "Span":
-        """A duration of n moments lasts n steps; a phase lasts one at least."""
+        """A duration of n moments lasts n steps; a phase lasts at least one step."""
         shortest = max(1, int(np.ceil(phase.min_s / step_s - _ROUNDING)))
         longest = None
         if np.isfinite(phase.max_s):
@@ -119,17 +119,17 @@ class Timeline:
 
     @cached_property
     def cast(self) -> Int[np.ndarray, "n"]:
-        """Whose each moment is."""
+        """The cast of each moment."""
         return np.repeat(np.arange(len(self.first)), self.stop - self.first)
 
     @cached_property
     def ticks(self) -> int:
-        """More than any difference of moments."""
+        """A number larger than any difference of moments."""
         return int(np.ptp(self.tick)) + 1 if len(self.tick) else 1
 
     @cached_property
     def _key(self) -> Int[np.ndarray, "n"] | None:
-        """One ascending number for (cast, moment); None where no cast misses a moment."""
+        """One ascending number for (cast, moment); None if no cast lacks a moment."""
         begin = self.first[self.cast]
         if np.array_equal(self.tick - self.tick[begin], np.arange(len(begin)) - begin):
             return None
@@ -151,7 +151,7 @@ def align(
     step_s: float,
     least_log_score: float,
 ) -> list[tuple[int, Aligned]]:
-    """Every event of every cast: its number, and where; best first within a cast.
+    """Every event of every cast: the cast's number, and the event; best first within a cast.
 
     ``log_p`` (phases, moments) scores the cores, ``log_judged`` decides how far phases stretch:
     what cannot be judged lowers the one, and says nothing in the other.
@@ -214,11 +214,11 @@ class _Table:
             first, core = cores(moments, log_p[number], span.shortest)
             before = self._before(number, first) if number else 0.0
             self.core_first.append(first)
-            # Rounded, so that equals stay equal whatever was summed before them.
+            # Rounded, so that equal values stay equal whatever was summed before them.
             self.value.append(np.round(core + before, _DECIMALS))
 
     def _before(self, number: int, first: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
-        """Best of the phases before, for cores that begin at ``first``."""
+        """Best value of the earlier phases, for cores that begin at ``first``."""
         return window_max(self._reached(number - 1), *self._gap(number, first))
 
     def _gap(
@@ -232,13 +232,13 @@ class _Table:
         return low, np.where(first > begin, first - 1, low - 1)
 
     def _reached(self, number: int) -> Float[np.ndarray, "n"]:
-        """W: best value of the phases so far when this one, stretched, ends at each moment."""
+        """W: best value of the phases so far if this one, extended, ends at each moment."""
         value, stretch = self.value[number], self.stretch[number]
         more = self._more(number)
         if more == 0:
             return value
         at = np.arange(len(value))
-        # Minus infinity minus a number is itself; nothing here is NaN.
+        # Minus infinity minus a number is minus infinity, so nothing here is NaN.
         return window_max(value - stretch, self.moments.back(at, more), at) + stretch
 
     def _more(self, number: int) -> int:
@@ -247,7 +247,7 @@ class _Table:
         return self.moments.ticks if span.longest is None else span.longest - span.shortest
 
     def best(self, least: float) -> list[tuple[int, int]]:
-        """Casts that may reach the score, and where the last core of the best alignment ends."""
+        """Casts that can reach the score, and where the last core of the best alignment ends."""
         value, first, stop = self.value[-1], self.moments.first, self.moments.stop
         rounded = len(self.spans) * 10.0**-_DECIMALS
         casts = np.flatnonzero(np.maximum.reduceat(value, first) >= least - rounded)
@@ -257,7 +257,7 @@ class _Table:
         ]
 
     def trace(self, last: int) -> Aligned:
-        """The alignment whose last core ends here, stretched."""
+        """The alignment whose last core ends here, extended beyond its cores."""
         core: list[tuple[int, int]] = []
         ends = [last]
         cost = 0.0
@@ -278,7 +278,7 @@ class _Table:
         return Aligned(tuple(core), tuple(whole), total + cost, cost)
 
     def _stretched_before(self, number: int, first: int) -> tuple[int, int]:
-        """Where the phase before and its core end, best, if this one's core begins at ``first``."""
+        """Best end of the previous phase and of its core if this core begins at ``first``."""
         low, high = (int(x[0]) for x in self._gap(number, np.array([first])))
         stops = np.arange(low, high + 1)
         froms = self.moments.back(stops, self._more(number - 1))
@@ -292,13 +292,13 @@ class _Table:
         return int(stops[at]), int(stops[at]) - int(np.argmax(window[::-1]))
 
     def _stretched_back(self, core: tuple[int, int], end: int) -> int:
-        """Where the first phase begins, best, if it ends at ``end``."""
+        """Best begin of the first phase if it ends at ``end``."""
         tick, first = self.moments.tick, core[0]
         left = max(self._more(0) - int(tick[end] - tick[core[1]]), 0)
         low = int(self.moments.back(np.array([first]), left)[0])
         if low == first:
             return first
-        # To begin at s instead of at the core's first moment brings Q[first - 1] - Q[s - 1].
+        # Beginning at s instead of at the core's first moment gains Q[first - 1] - Q[s - 1].
         before = np.append(
             self.stretch[0][low - 1] if low else 0.0, self.stretch[0][low : first - 1]
         )
@@ -306,7 +306,7 @@ class _Table:
         return low + int(np.argmax(gains)) if gains.max() > 0 else first
 
     def _stretched_on(self, begin: int, last: int) -> int:
-        """Where the last phase ends, best, if it begins at ``begin``."""
+        """Best end of the last phase if it begins at ``begin``."""
         tick, longest = self.moments.tick, self.spans[-1].longest
         stop = int(self.moments.stop[self.moments.cast[last]])
         if longest is not None:
@@ -320,7 +320,7 @@ def cores(
 ) -> tuple[Int[np.ndarray, "n"], Float[np.ndarray, "n"]]:
     """First position and log probability of the cores that end at each moment.
 
-    At least half of a core's moments must be there, its first and its last among them.
+    At least half of a core's moments must exist, including its first and its last.
     """
     at = np.arange(len(log_p))
     first = moments.back(at, length - 1)
@@ -332,7 +332,7 @@ def cores(
 
 def odds(log_p: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
     """Log odds of log probabilities, at most :data:`MOST_GAIN`."""
-    # log(p / (1 - p)) grows with p, so p is capped where it is the most that counts.
+    # log(p / (1 - p)) grows with p, so capping p caps the log odds.
     most = -np.log1p(np.exp(-MOST_GAIN))
     capped = np.minimum(log_p, most)
     return capped - np.log(-np.expm1(capped))

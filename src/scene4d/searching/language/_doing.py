@@ -1,4 +1,4 @@
-"""Clauses that say an activity of the catalogue."""
+"""Clauses with an activity of the catalogue."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,11 +29,11 @@ from scene4d.searching.language._sentences import (
 
 NOT_OF_ACTIVITIES = '"not" denies a state, such as "is not near a vehicle", not an activity'
 _Who = Noun | str
-"""Who plays a role: a noun, or the name of somebody known."""
+"""Who plays a role: a noun, or the name of a known participant."""
 
 
 def activity_of(clause: Clause, done: Done, discourse: Discourse) -> Piece:
-    """The activity as a piece. Raises :class:`InputError` where nobody can do that."""
+    """The activity as a piece. Raises :class:`InputError` if no role assignment fits."""
     found = discourse.trying(
         done.meant, lambda spoken, known: _Reading(spoken, clause, done, known).piece()
     )
@@ -79,7 +79,7 @@ class _Reading:
     # Who ------------------------------------------------------------------------------------------
 
     def _filled(self) -> dict[str, _Who]:
-        """Who plays which role, as far as it is said."""
+        """Who plays which role, as far as the clause says."""
         spoken = self.spoken
         slots, roles = list(spoken.slots), list(spoken.roles)
         filled: dict[str, _Who] = {}
@@ -107,7 +107,7 @@ class _Reading:
         return filled
 
     def _roles_of_subject(self, slot: Slot, subjects: Sequence[_Who]) -> Sequence[str]:
-        """The roles of the subjects; of two the second takes a role that is not spoken of."""
+        """The roles of the subjects; the second of two takes a role that is not mentioned."""
         spoken = self.spoken
         if slot.pair:
             return spoken.roles[:2]
@@ -139,7 +139,7 @@ class _Reading:
             raise self.discourse.refuse(self.clause.span, what)
 
     def _names(self, filled: Mapping[str, _Who]) -> dict[str, str]:
-        """The name of everybody who has a role; those who are new come in the activity's order."""
+        """The name of everyone who has a role; new names come in the activity's order."""
         activity, discourse = self.spoken.activity, self.discourse
         known: dict[str, str | None] = {}
         is_first = not discourse.people
@@ -200,7 +200,7 @@ class _Reading:
     # How ------------------------------------------------------------------------------------------
 
     def _placed(self, phases: tuple[Phase, ...]) -> tuple[Phase, ...]:
-        """The zones and lines of an activity are those that are named."""
+        """Use the zones and lines that are named in the activity."""
         for place in self.done.places:
             if place.name is not None:
                 phases = _with_parameter(phases, place.kind, place.name)
@@ -237,7 +237,7 @@ class _Reading:
     def _also(
         self, phases: tuple[Phase, ...], said: Said, subjects: tuple[str, ...]
     ) -> tuple[Phase, ...]:
-        """What is said besides holds wherever something is said of the subject."""
+        """Further statements hold in every phase that mentions the subject."""
         if said.entry.instant:
             words = self.discourse.said(said.span)
             what = f'"{words}" is a moment; say "and then ..." for it'
@@ -266,7 +266,7 @@ class _Reading:
         )
 
     def _lasts(self, phases: tuple[Phase, ...], lasting: Lasting) -> tuple[Phase, ...]:
-        """The phase that may last longest lasts as was said."""
+        """Give the stated duration to the phase that may last longest."""
         longest = max(phase.max_s for phase in phases)
         which = [number for number, phase in enumerate(phases) if phase.max_s == longest]
         if len(which) > 1:
@@ -286,7 +286,7 @@ class _Reading:
 
 
 def _order(role: Role, filled: Mapping[str, _Who]) -> tuple[int, int]:
-    """Those of whom something is said come first, in the order of the words."""
+    """Mentioned participants first, in the order of the words."""
     who = filled.get(role.name)
     if isinstance(who, str):
         return (0, 0)
@@ -309,7 +309,7 @@ def _with_parameter(phases: tuple[Phase, ...], key: str, value: str) -> tuple[Ph
 
 
 def _with_first(phases: tuple[Phase, ...], terms: tuple[Term, ...], role: str) -> tuple[Phase, ...]:
-    """These hold when the role first comes up: the parked vehicle that starts was parked."""
+    """These hold in the role's first phase: the parked vehicle that starts was parked."""
     first = next((n for n, phase in enumerate(phases) if _speaks_of(phase, role)), 0)
     here = replace(phases[first], terms=distinct((*phases[first].terms, *terms)))
     return (*phases[:first], here, *phases[first + 1 :])

@@ -1,4 +1,4 @@
-"""The grammar of a search, written from the lexicon and the phrases of a catalogue."""
+"""The grammar of a search, generated from the lexicon and the phrases of a catalogue."""
 
 import re
 from collections import Counter
@@ -76,7 +76,7 @@ def build_grammar(activities: Iterable[Activity]) -> Grammar:
 
 @dataclass(frozen=True)
 class _Named:
-    """Activities hold mappings and have no hash; the grammar of equal ones is the same."""
+    """Activities hold mappings and are not hashable; equal ones have the same grammar."""
 
     activities: tuple[Activity, ...]
 
@@ -116,7 +116,7 @@ class _Writer:
         return Grammar(parser, self._words, spoken, self._lexicon)
 
     def _rule(self, name: str, rights: Iterable[str]) -> None:
-        """A rule that any of these right sides fulfils; the words in them become known."""
+        """A rule with these right sides as alternatives; their words become known."""
         right = " | ".join(dict.fromkeys(rights)) or "NOTHING"
         for word in re.findall(r"<([^>]+)>", right):
             self._words.setdefault(word, f"W{len(self._words)}")
@@ -179,7 +179,7 @@ class _Writer:
         words = piece.split("|")
         if len(words) == 1:
             return f"<{piece}>{optional}"
-        # A rule of its own: the parser library would multiply out what stands in brackets.
+        # A separate rule, because the parser library would expand the brackets.
         if piece not in self._either:
             self._either[piece] = f"either_{len(self._either)}"
             self._rule(self._either[piece], [f"<{word}>" for word in words])
@@ -188,7 +188,7 @@ class _Writer:
     # Phrases -----------------------------------------------------------------------------------
 
     def _write_phrases(self, activities: Iterable[Activity]) -> tuple[tuple[Spoken, ...], ...]:
-        """Rules for what the phrases say after their subject, and what each rule means."""
+        """Rules for the phrases after their subject, and the meaning of each rule."""
         reader = PhraseReader(self._lexicon, dict(self._words))
         tables: dict[str, dict[str, list[Spoken]]] = {"activity": {}, "whole": {}}
         for activity in activities:
@@ -243,6 +243,6 @@ class _Writer:
 
 
 def _without_repeats(rule: str) -> str:
-    """A rule whose alternatives are all different; those in brackets are left as they are."""
+    """A rule with distinct alternatives; those in brackets are left unchanged."""
     name, right = rule.split(": ", 1)
     return rule if "(" in right else f"{name}: {' | '.join(dict.fromkeys(right.split(' | ')))}"

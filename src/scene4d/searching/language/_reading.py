@@ -34,7 +34,7 @@ from scene4d.searching.language._words import Amount, amount_of, read_clock, rea
 from scene4d.searching.predicates._relation import SIDES
 
 _WEIGHED = (Clause, Done, Said, Chain, Joined, Sentence)
-"""Of several readings of these the composer takes the one that makes sense."""
+"""Where these have several readings, the composer takes the one that makes sense."""
 _CLOCKS = {
     "between_clock": ("begin", "end"),
     "after_clock": ("begin",),
@@ -47,12 +47,12 @@ _TRANSPARENT = (
     *("activity", "whole", "state", "relation", "predication", "subject", "article", "pronoun"),
     *("unit_distance", "unit_duration", "unit_speed"),
 )
-"""Rules that are what is in them."""
+"""Rules that pass on their content."""
 
 
 @dataclass(frozen=True)
 class _Mark:
-    """A rule that only says which words were used."""
+    """A rule that only records which words were used."""
 
     name: str
     words: tuple[str, ...] = ()
@@ -81,7 +81,7 @@ def _span(meta: Any) -> Span:
 
 
 def _hull(span: Span, nodes: Iterable[Any]) -> Span:
-    """The span with those of the parts; a tree of several readings has none of its own."""
+    """The span, including those of the parts; a tree of several readings has none of its own."""
     spans = [span]
     for node in nodes:
         for option in options_of(node):
@@ -94,9 +94,9 @@ def _hull(span: Span, nodes: Iterable[Any]) -> Span:
 
 
 def read_tree(tree: Tree, text: str, grammar: Grammar) -> tuple[Sentence | Choice, list[str]]:
-    """The sentence of a tree, or several readings, with notes on what could be read otherwise.
+    """The sentence of a tree, or several readings, with notes on other possible readings.
 
-    Raises :class:`InputError` for numbers and times that cannot be.
+    Raises :class:`InputError` for impossible numbers and times.
     """
     reader = _Reader(text, grammar)
     try:
@@ -107,7 +107,7 @@ def read_tree(tree: Tree, text: str, grammar: Grammar) -> tuple[Sentence | Choic
 
 @v_args(meta=True)
 class _Reader(Transformer):
-    """What the rules of the grammar say, from the words up; rules by their names."""
+    """The meaning of the grammar's rules, bottom up; one method per rule, by name."""
 
     def __init__(self, text: str, grammar: Grammar) -> None:
         super().__init__(visit_tokens=False)
@@ -359,7 +359,7 @@ class _Reader(Transformer):
 
 
 def _introduced(articles: set[str]) -> str:
-    """How somebody is introduced: "the other" is one already there, "another" is not."""
+    """How a noun is introduced: "the other" is already known, "another" is new."""
     if "new" in articles:
         return "other" if "definite" in articles else "new"
     return next(iter(sorted(articles)), "bare")

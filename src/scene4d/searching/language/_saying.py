@@ -1,4 +1,4 @@
-"""Clauses that say a state, predicates that hold together; and the pieces of an activity."""
+"""Clauses with a state (predicates that hold together), and the pieces of an activity."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -29,12 +29,12 @@ class Piece:
 
     @property
     def label(self) -> str:
-        """What it says, for a reader."""
+        """The piece in words."""
         return self.name if self.is_event else ", ".join(map(term_text, self.terms))
 
     @property
     def is_timed(self) -> bool:
-        """Whether its duration was said."""
+        """Whether its duration was given."""
         return self.least_s is not None or self.most_s is not None
 
     @property
@@ -46,7 +46,7 @@ class Piece:
 def state(
     terms: tuple[Term, ...], lasting: Lasting, is_instant: bool, discourse: Discourse
 ) -> Piece:
-    """Terms that hold together, for as long as was said, else as is assumed."""
+    """Terms that hold together, for the given duration, or else the assumed one."""
     terms = distinct(terms)
     least = discourse.assumed("instant_min_s" if is_instant else "state_min_s")
     most = discourse.assumed("instant_max_s") if is_instant else _INFINITE
@@ -70,7 +70,7 @@ def distinct(terms: tuple[Term, ...]) -> tuple[Term, ...]:
 
 
 def in_order(first: Piece, second: Piece, pause_s: float) -> Piece:
-    """One, then the other after a pause of at most ``pause_s``."""
+    """One piece, then the other after a pause of at most ``pause_s``."""
     second = _renamed(second, {phase.name for phase in first.phases})
     opening = replace(second.phases[0], gap_s=pause_s)
     phases = (*first.phases, opening, *second.phases[1:])
@@ -79,13 +79,13 @@ def in_order(first: Piece, second: Piece, pause_s: float) -> Piece:
 
 
 def throughout(event: Piece, terms: tuple[Term, ...]) -> Piece:
-    """An event during all of which these terms hold."""
+    """An event with these terms holding throughout."""
     phases = tuple(replace(phase, terms=distinct((*phase.terms, *terms))) for phase in event.phases)
     return replace(event, phases=phases)
 
 
 def during(event: Piece, lasting: Piece) -> Piece:
-    """An event within a state that lasts on its own."""
+    """An event within a state that has its own duration."""
     lasting = _renamed(lasting, {phase.name for phase in event.phases})
     name = lasting.phases[0].name
     relations = tuple(Relation(phase.name, "during", name) for phase in event.phases)
@@ -94,7 +94,7 @@ def during(event: Piece, lasting: Piece) -> Piece:
 
 
 def _renamed(piece: Piece, taken: set[str]) -> Piece:
-    """With names of phases that are not taken."""
+    """A copy with phase names that are not taken."""
     names: dict[str, str] = {}
     for phase in piece.phases:
         name, number = phase.name, 2
@@ -114,7 +114,7 @@ def _renamed(piece: Piece, taken: set[str]) -> Piece:
 
 
 def state_of(clause: Clause, core: Said, discourse: Discourse) -> Piece:
-    """A clause that says a state. Raises :class:`InputError` where it cannot be said so."""
+    """A clause with a state. Raises :class:`InputError` if it is not possible."""
     subjects, terms = _subjects(clause, discourse)
     said = _simplified(clause, core, discourse)
     of_core: tuple[Term, ...] = ()
@@ -133,7 +133,7 @@ def state_of(clause: Clause, core: Said, discourse: Discourse) -> Piece:
 
 
 def nouns_of(subject: Noun | Pair | None) -> tuple[Noun, ...]:
-    """Those who do it: none, one or two."""
+    """The subjects: none, one or two."""
     if isinstance(subject, Pair):
         return subject.first, subject.second
     return () if subject is None else (subject,)
@@ -164,7 +164,7 @@ def known_subject(clause: Clause, discourse: Discourse) -> tuple[str, ...]:
 def noun_terms(
     noun: Noun, name: str, discourse: Discourse, besides: Sequence[str] = ()
 ) -> tuple[Term, ...]:
-    """What a noun says of its role: adjectives, and "that is ..."."""
+    """The terms of a noun: its adjectives, and "that is ..."."""
     terms = adjective_terms(noun, name, besides)
     for relative in noun.relatives:
         terms += terms_of(relative, name, discourse)
@@ -172,7 +172,7 @@ def noun_terms(
 
 
 def terms_of(said: Said, subject: str, discourse: Discourse) -> tuple[Term, ...]:
-    """What is said of a subject as terms."""
+    """The statements about a subject, as terms."""
     entry = said.entry
     if entry.subject not in ("", discourse.people[subject].kind):
         words = discourse.said(said.span)
@@ -189,7 +189,7 @@ def terms_of(said: Said, subject: str, discourse: Discourse) -> tuple[Term, ...]
 
 
 def _of_all(said: Said, subjects: tuple[str, ...], discourse: Discourse) -> tuple[Term, ...]:
-    """What is said of every subject; of two also what they are to each other."""
+    """The statements about every subject; for two also their relation."""
     if len(subjects) == 2 and any(noun.article == "reciprocal" for noun in said.nouns):
         is_symmetric = said.entry.predicate in ("near", "far")
         parameters = {**said.entry.fixed, **said.values}
@@ -215,7 +215,7 @@ def _of_all(said: Said, subjects: tuple[str, ...], discourse: Discourse) -> tupl
 
 
 def _simplified(clause: Clause, core: Said, discourse: Discourse) -> list[Said]:
-    """The core and the relations after it; "moves towards" is one thing, not two."""
+    """The core and the relations after it; "moves towards" is one statement, not two."""
     relations = [part for part in clause.modifiers if isinstance(part, Said)]
     denied = clause.polarity.is_denied
     stronger = next((r for r in relations if core.entry.predicate in r.entry.replaces), None)
@@ -230,13 +230,13 @@ def _simplified(clause: Clause, core: Said, discourse: Discourse) -> list[Said]:
 
 
 def duration(clause: Clause, discourse: Discourse) -> Lasting:
-    """All that a clause says of a duration. Raises :class:`InputError` for an impossible one."""
+    """The duration that a clause gives. Raises :class:`InputError` for an impossible one."""
     parts = [part for part in clause.modifiers if isinstance(part, Lasting)]
     return shortest_of(parts, parts[0].span if parts else clause.span, discourse)
 
 
 def shortest_of(parts: Sequence[Lasting], span: tuple[int, int], discourse: Discourse) -> Lasting:
-    """As long as all parts allow. Raises :class:`InputError` where they contradict one another."""
+    """The duration that all parts allow. Raises :class:`InputError` if they contradict."""
     least = max((p.least for p in parts if p.least is not None), default=None)
     most = min((p.most for p in parts if p.most is not None), default=None)
     if least is not None and most is not None and least > most:
@@ -247,7 +247,7 @@ def shortest_of(parts: Sequence[Lasting], span: tuple[int, int], discourse: Disc
 
 
 def _change(stated: Term, terms: tuple[Term, ...], lasting: Lasting, discourse: Discourse) -> Piece:
-    """First it is not so, then it is."""
+    """First the statement does not hold, then it does."""
     least, most = discourse.assumed("change_min_s"), discourse.assumed("change_max_s")
     names = [f"not {stated.predicate}", stated.predicate]
     before, after = names[::-1] if stated.negated else names

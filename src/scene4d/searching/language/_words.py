@@ -12,11 +12,11 @@ from scene4d.core.errors import InputError
 from scene4d.searching.language._lexicon import Lexicon, base_forms
 
 _MOST_WORDS = 60
-"""A longer search is a text; and this bounds the time that a parse may take."""
+"""Bounds the time of a parse; longer searches are refused."""
 _MOST_DIGITS = 20
-"""A longer number is a mistake."""
+"""Longer numbers are refused as mistakes."""
 _MOST = 10**9
-"""No distance, duration or speed is larger, in metres and seconds: thirty years, or to the moon."""
+"""Largest distance, duration or speed, in metres and seconds: about 30 years."""
 
 _TOKEN = re.compile(
     r"""(?P<quoted>"[^"]*"|“[^”]*”)
@@ -53,7 +53,7 @@ class Word:
 
 @dataclass(frozen=True, eq=False)
 class Vocabulary:
-    """The words that may be used, and the names of places by their kind ("zone", "line")."""
+    """The known words, and the names of places by their kind ("zone", "line")."""
 
     words: Collection[str]
     lexicon: Lexicon
@@ -98,8 +98,8 @@ def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
         raise InputError('search: it is empty; say for example "person enters vehicle"')
     if len(found) > _MOST_WORDS:
         raise InputError(
-            f"search: {len(found)} words, at most {_MOST_WORDS} are read; "
-            "say it in several searches"
+            f"search: {len(found)} words, at most {_MOST_WORDS} are allowed; "
+            "split it into several searches"
         )
     return found
 
@@ -157,7 +157,8 @@ def _nearest(surface: str, vocabulary: Vocabulary) -> str:
 
 
 def _name_at(text: str, at: int, before: list[Word], vocabulary: Vocabulary) -> Word | None:
-    """A place's name that begins here: after "zone" or "line" any, else one that is no word."""
+    """A place's name that begins here: any name after "zone" or "line", else only a name that
+    is no word."""
     if at > 0 and text[at - 1].isalnum():
         return None
     places, last = vocabulary.places, before[-1].value if before else ""

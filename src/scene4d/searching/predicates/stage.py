@@ -1,4 +1,4 @@
-"""What predicates look at: everything that one camera tracked, and some rows of it."""
+"""The input of predicates: everything that one camera tracked, and selected rows of it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -18,12 +18,12 @@ With ``D`` the difference of two places' factors, ``D Dᵀ`` is the covariance t
 the vector between them: it misplaces near things alike, so that they hardly have one.
 """
 _ROUNDING = 1e-6
-"""Times are sums of steps: what differs by less, in steps or in seconds, is the same."""
+"""Times are sums of steps: smaller differences, in steps or in seconds, are ignored."""
 
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Everything that one camera tracked, and the places that have names.
+    """Everything that one camera tracked, and the named places.
 
     ``tracks`` are ordered by (track, time). ``image_size`` is (width, height) in pixels, ``step_s``
     the time between two rows of a track. ``camera_factor`` is None where the camera's error is not
@@ -47,7 +47,7 @@ class Stage:
             raise InputError(f"stage: step_s must be positive, found {self.step_s}")
 
     def rows(self, index: Int[np.ndarray, "m"]) -> "StageRows":
-        """These rows, in this order; a row may occur more than once."""
+        """A selection of rows, in this order; a row may occur more than once."""
         return StageRows(self, index)
 
     @cached_property
@@ -105,10 +105,10 @@ class Stage:
     def row_at(
         self, track: Int[np.ndarray, "m"], tick: Int[np.ndarray, "m"]
     ) -> Int[np.ndarray, "m"]:
-        """Row of a track (its position in :attr:`first_row`) at a moment, -1 where it has none."""
+        """Row of a track (its position in :attr:`first_row`) at a moment, -1 if there is none."""
         wanted = track * self.ticks + tick
         row = np.minimum(np.searchsorted(self._key, wanted), len(self._key) - 1)
-        # A moment before the first or after the last would be another track's.
+        # A moment before the first or after the last would belong to another track.
         inside = (tick >= 0) & (tick < self.ticks)
         return np.where(inside & (self._key[row] == wanted), row, -1)
 
@@ -125,7 +125,7 @@ class Stage:
 
     @cached_property
     def line_s(self) -> Float[np.ndarray, "n"]:
-        """Every row's place on that line; ascending."""
+        """Every row's position on that line; ascending."""
         return self.on_line(self.track_of_row, self.tracks.time_s)
 
     def window(
@@ -151,7 +151,7 @@ class Stage:
         return np.asarray(np.abs(head - foot)[:, 1] / PERSON_HEIGHT_M)
 
     def frame_at(self, time_s: float) -> int:
-        """Frame of the footage at a time, between rows by their rate, and else of the nearest."""
+        """Footage frame at a time: interpolated between rows, outside them the nearest one's."""
         return round(float(np.interp(time_s, *self._frames)))
 
     @cached_property
@@ -162,7 +162,7 @@ class Stage:
 
     @cached_property
     def factors(self) -> "Factors | None":
-        """Camera factors of the rows; None where the camera's error is not known."""
+        """Camera factors of the rows; None if the camera's error is unknown."""
         if self.camera_factor is None:
             return None
         return Factors(self.camera_factor, self.tracks.xy_m)
@@ -186,7 +186,7 @@ class Factors:
 
     def __init__(self, at: CameraFactor, xy_m: Float[np.ndarray, "n 2"]) -> None:
         self._at, self._xy_m = at, xy_m
-        # Close together in memory: a search asks for few rows, strewn over the day.
+        # Contiguous in memory: a search needs few rows, spread over the day.
         self._place = np.full(len(xy_m), -1, np.int32)
         self._values: np.ndarray | None = None
 
@@ -203,7 +203,7 @@ class Factors:
 
 @dataclass(frozen=True, eq=False)
 class StageRows:
-    """Some rows of a stage; a column is gathered when it is first asked for."""
+    """Some rows of a stage; a column is gathered on first use."""
 
     stage: Stage
     index: Int[np.ndarray, "m"]
@@ -254,7 +254,7 @@ class StageRows:
 
     @cached_property
     def box_xyxy(self) -> Float[np.ndarray, "m 4"]:
-        """Box in the picture; NaN where nobody was seen."""
+        """Box in the image; NaN where nobody was detected."""
         return self.stage.tracks.box_xyxy[self.index]
 
     @cached_property
