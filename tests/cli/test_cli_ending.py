@@ -142,6 +142,18 @@ def test_help_on_a_full_disk(spawn):
     assert "standard output cannot be written" in done.stderr
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs /dev/full")  # noqa: PTH110
+@pytest.mark.parametrize("words", [["--version"], ["models"], ["models", "--json"]])
+def test_a_full_disk_with_the_buffer_of_everyday(monkeypatch, spawn, words):
+    """Python writes what is left in the buffer at the end: exit code 120, and a message of its own
+    (R19); the version came with a traceback."""
+    monkeypatch.delenv("PYTHONUNBUFFERED", raising=False)
+    with open("/dev/full", "w") as full:  # noqa: PTH123
+        done = spawn(words, stdout=full)
+    expected = "scene4d: error: standard output cannot be written: No space left on device\n"
+    assert (done.returncode, done.stderr) == (1, expected)
+
+
 def test_ctrl_c_while_the_program_starts(tmp_path):
     """An import is interrupted: one line, not a traceback."""
     (tmp_path / "typer.py").write_text("raise KeyboardInterrupt")

@@ -38,6 +38,18 @@ def test_a_camera_of_another_program_is_converted(run, scene, camera, tmp_path):
     np.testing.assert_allclose(Camera.load(back).P, camera.P, atol=1e-6)
 
 
+@pytest.mark.parametrize(("focal", "height"), [("1100", "-5"), ("1e308", "0"), ("1e308", "5")])
+def test_a_camera_that_could_not_be_read_back_is_not_written(run, tmp_path, focal, height):
+    """R15: it was written, or an internal error."""
+    krtd, back = tmp_path / "a.krtd", tmp_path / "back.json"
+    krtd.write_text(
+        f"{focal} 0 640\n0 {focal} 360\n0 0 1\n\n1 0 0\n0 0 -1\n0 1 0\n\n0 {height} 9\n\n0\n"
+    )
+    done = run("export", krtd, "--image-size", "1280x720", "--to", "json", "--out", back)
+    assert done.exit_code == 1 and "a camera.json holds" in done.stderr
+    assert not back.exists()
+
+
 def test_a_calibration_keeps_its_covariance(run, scene, tmp_path):
     """W6."""
     out, covariance = tmp_path / "again.json", 1e-4 * np.eye(5)

@@ -373,6 +373,17 @@ def test_a_manifest_names_parts_of_its_own_scene_only(tmp_path, path):
         Scene.open(tmp_path)
 
 
+@pytest.mark.parametrize(
+    "span", [{"end_s": 1e308}, {"begin_s": -1e308}, {"begin_s": 2.0, "end_s": 1.0}]
+)
+def test_a_part_lasts_as_long_as_footage_can(tmp_path, span):
+    """An export went on without end (R15)."""
+    store(tmp_path, walk(10))
+    _change(tmp_path, lambda manifest: manifest["parts"][0].update(span))
+    with pytest.raises(InputError, match=r"r.json: field 'parts\[0\].(begin|end)_s' must be"):
+        Scene.open(tmp_path)
+
+
 def _change(folder, change):
     path = folder / "runs/r.json"
     manifest = json.loads(path.read_text())

@@ -5,6 +5,8 @@ import signal
 import sys
 from types import FrameType
 
+from scene4d.core.errors import Scene4DError
+
 
 def main() -> None:
     """Run ``scene4d`` on the arguments of this process, and end it with the exit code."""
@@ -18,6 +20,8 @@ def main() -> None:
         app(prog_name="scene4d")
     except KeyboardInterrupt:
         _end("interrupted", 130)
+    except Scene4DError as error:  # a version that cannot be printed
+        _end(f"error: {error}", 1)
     except OSError as error:  # help that cannot be printed
         _end(f"error: standard output cannot be written: {error.strerror}", 1)
 

@@ -76,6 +76,11 @@ def _pieces(scene: "Scene", points: Sequence[GroundPoint]) -> "Iterator[SceneTab
     while begin <= end:
         tracks = with_keypoints(scene.tracks(begin=begin, end=begin + _STRETCH_S), run.keypoints)
         begin += _STRETCH_S
+        if not len(tracks):  # the gap may be years
+            later = f"SELECT min(time_s) AS s FROM scene WHERE time_s >= '{begin!r}'::DOUBLE"
+            (found,) = scene.sql(later)["s"].to_pylist()
+            begin = np.inf if found is None else found
+            continue
         yield SceneTable(
             tracks,
             camera=run.camera,

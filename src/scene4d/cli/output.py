@@ -48,8 +48,9 @@ def emit(text: str) -> None:
         sys.stdout.write(_encodable(text, sys.stdout.encoding))
         sys.stdout.flush()
     except BrokenPipeError:
-        return
+        sys.stdout = None
     except OSError as error:
+        sys.stdout = None  # Python would try again at the end, and change the exit code to 120
         raise OutputError(f"standard output cannot be written: {error.strerror}") from error
 
 

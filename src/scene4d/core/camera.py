@@ -274,7 +274,19 @@ class Camera(Lens):
         return replace(self, K=K, distortion=distortion, R=R, t=-R @ centre)
 
     def to_dict(self) -> dict[str, Any]:
-        """The fields of ``camera.json`` that describe the camera itself."""
+        """The fields of ``camera.json`` that describe the camera itself.
+
+        Raises :class:`InputError` for a camera that :meth:`load` would refuse.
+        """
+        if not self.height_m > 0:
+            raise InputError(
+                "a camera.json holds a camera above the ground, found the height "
+                f"{self.height_m:.5g} m"
+            )
+        with np.errstate(over="ignore", invalid="ignore"):
+            finite = np.isfinite(self.P).all()
+        if not finite:
+            raise InputError("a camera.json holds finite numbers, found a P that is infinite")
         return {
             "schema": SCHEMA,
             "image_size": list(self.image_size),

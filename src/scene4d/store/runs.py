@@ -19,7 +19,7 @@ import numpy as np
 
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
-from scene4d.store.schema import COLUMNS, SCENE_SCHEMA, time_ns
+from scene4d.store.schema import COLUMNS, LONGEST_S, SCENE_SCHEMA, time_ns
 
 _LONGEST = 200
 """Bytes of a name in a path: file systems allow 255, and suffixes are added to it."""
@@ -142,12 +142,13 @@ def _part(said: JsonObject) -> Part:
     sha256 = said.text("sha256") if "sha256" in said else None
     if sha256 is not None and not _SHA256.fullmatch(sha256):
         raise said.error("sha256", "64 hexadecimal digits")
+    begin_s = said.number("begin_s", least=-LONGEST_S, most=LONGEST_S)
     return Part(
         path=path,
         rows=said.integer("rows", least=0),
         bytes=said.integer("bytes", least=0),
-        begin_s=said.number("begin_s"),
-        end_s=said.number("end_s"),
+        begin_s=begin_s,
+        end_s=said.number("end_s", least=begin_s, most=LONGEST_S),
         sha256=sha256,
     )
 
