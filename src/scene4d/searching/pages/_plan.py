@@ -94,11 +94,11 @@ class _Drawing:
         for x in grid_values(area.x_min, area.x_max, step):
             self._line(np.array([[x, area.y_min], [x, area.y_max]]))
             at = _LEFT_PX + (x - area.x_min) * self._scale
-            self._labels.append(_text(at, _SIDE_PX + 14, f"{x:g}", "middle"))
+            self._labels.append(_text(at, _SIDE_PX + 14, f"{x + 0.0:g}", "middle"))
         for y in grid_values(area.y_min, area.y_max, step):
             self._line(np.array([[area.x_min, y], [area.x_max, y]]))
             at = (area.y_max - y) * self._scale + 4
-            self._labels.append(_text(_LEFT_PX - 4, at, f"{y:g}", "end"))
+            self._labels.append(_text(_LEFT_PX - 4, at, f"{y + 0.0:g}", "end"))
         middle = _LEFT_PX + _SIDE_PX / 2
         self._labels.append(_text(middle, _SIDE_PX + 28, "x, y in metres", "middle"))
 
