@@ -1,12 +1,15 @@
-"""Make docs/images/overlay.jpg: the report's first figure of the sample video, smaller.
+"""Make the README's pictures of the sample video: docs/images/overlay.jpg and tracks.jpg.
 
 python docs/make_readme_picture.py
 """
 
+import tempfile
 from pathlib import Path
 
 import cv2
+import numpy as np
 
+from scene4d import track
 from scene4d.calibration.calibrating import run
 from scene4d.calibration.options import CalibrateOptions
 from scene4d.core.fetching import cache_dir
@@ -14,19 +17,28 @@ from scene4d.core.progress import Silent
 from scene4d.drawing.overlay import draw_overlay
 from scene4d.video.sample import sample_video
 
-WIDTH = 1000
+IMAGES = Path(__file__).parent / "images"
+OVERLAY_PX, TRACKS_PX = 1000, 784
+
+
+def save(png: bytes, name: str, width: int) -> None:
+    picture = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_UNCHANGED)
+    if picture.shape[2] == 4:  # on white, as a page in daylight shows it
+        alpha = picture[..., 3:] / 255
+        picture = (picture[..., :3] * alpha + 255 * (1 - alpha)).astype(np.uint8)
+    height = round(picture.shape[0] * width / picture.shape[1])
+    smaller = cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA)
+    cv2.imwrite(str(IMAGES / name), smaller, [cv2.IMWRITE_JPEG_QUALITY, 85])
 
 
 def main() -> None:
-    result = run(sample_video(cache_dir()), CalibrateOptions(), Silent())
-    out = Path(__file__).parent / "images" / "overlay.jpg"
-    png = out.with_suffix(".png")
-    png.write_bytes(draw_overlay(result.calibration, result.image_bgr).png)
-    picture = cv2.imread(str(png))
-    png.unlink()
-    height = round(picture.shape[0] * WIDTH / picture.shape[1])
-    smaller = cv2.resize(picture, (WIDTH, height), interpolation=cv2.INTER_AREA)
-    cv2.imwrite(str(out), smaller, [cv2.IMWRITE_JPEG_QUALITY, 85])
+    video = sample_video(cache_dir() / "samples")
+    result = run(video, CalibrateOptions(), Silent())
+    drawn = draw_overlay(result.calibration, result.people_bgr)
+    save(drawn.png, "overlay.jpg", OVERLAY_PX)
+    with tempfile.TemporaryDirectory() as scene:
+        picture = track(video, result.calibration, scene).picture
+        save(picture.read_bytes(), "tracks.jpg", TRACKS_PX)
 
 
 if __name__ == "__main__":
