@@ -12,6 +12,7 @@ import numpy as np
 from scene4d import track
 from scene4d.calibration.calibrating import run
 from scene4d.calibration.options import CalibrateOptions
+from scene4d.calibration.writing import write
 from scene4d.core.fetching import cache_dir
 from scene4d.core.progress import Silent
 from scene4d.drawing.overlay import draw_overlay
@@ -36,8 +37,10 @@ def main() -> None:
     result = run(video, CalibrateOptions(), Silent())
     drawn = draw_overlay(result.calibration, result.people_bgr)
     save(drawn.png, "overlay.jpg", OVERLAY_PX)
-    with tempfile.TemporaryDirectory() as scene:
-        picture = track(video, result.calibration, scene).picture
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write(result, folder, progress=Silent())  # with the scene's background, for the plan
+        picture = track(video, folder / "camera.json", folder / "scene").picture
         save(picture.read_bytes(), "tracks.jpg", TRACKS_PX)
 
 

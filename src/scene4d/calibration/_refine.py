@@ -54,8 +54,7 @@ _HEIGHT_RANGE = (0.01, 0.2)
 class Noise:
     """Spread of log length, direction (radians) and height (m) of people; shares of outliers.
 
-    The defaults begin the estimation: keypoints of walking people (``along``, ``across``, gait
-    included) and boxes as PETS 2009 and TownCentre show them, to about a third.
+    Starting values: walking people on PETS 2009 and TownCentre (gait included), to about a third.
     """
 
     along: float = 0.03
