@@ -136,3 +136,10 @@ def test_a_calibration_exported_as_json_loses_nothing(run, known, tmp_path):
     assert done.exit_code == 0, done.stderr
     assert json.loads(after.read_text()) == json.loads(before.read_text())
     assert json.loads(after.read_text())["covariance"]
+
+
+def test_a_name_cannot_steer_the_terminal(run, scene, tmp_path):
+    out = tmp_path / "a\x1b[31m.krtd"
+    done = run("export", scene["lens"], "--to", "krtd", "--out", out)
+    assert done.exit_code == 0 and out.is_file()
+    assert "\x1b" not in done.stdout and "a\\x1b[31m.krtd" in done.stdout

@@ -8,7 +8,7 @@ import typer
 
 from scene4d.cli.arguments import command_line
 from scene4d.cli.command import Answer, Job, command, output_folder
-from scene4d.cli.output import emit, say
+from scene4d.cli.output import emit, say, visible
 from scene4d.core.errors import OutputError, UnavailableError
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def _show(camera: Answer, chain: "SearchResult | None", out: Path) -> None:
             *(f"  {path}" for path in sorted((out / "scene" / "figures").glob("*"))),
             f"  {out / 'search' / 'search.html'}",
         ]
-    emit("\n".join(lines) + "\n")
+    emit(visible("\n".join(lines) + "\n"))
 
 
 def _tracked_and_searched(video: Path, out: Path, progress: "Progress") -> "SearchResult":

@@ -8,7 +8,7 @@ import typer
 
 from scene4d.cli.arguments import parse_image_size
 from scene4d.cli.command import Answer, Job, command
-from scene4d.cli.output import emit
+from scene4d.cli.output import emit, visible
 from scene4d.core.errors import InputError
 from scene4d.core.staging import ensure_folder
 
@@ -164,4 +164,6 @@ def _export_camera(
 
 def _written(to: str, description: str, files: Sequence[Path]) -> Answer:
     lines = "".join(f"Wrote {path}: {description}\n" for path in files)
-    return Answer({"format": to, "out": [str(path) for path in files]}, lambda: emit(lines))
+    return Answer(
+        {"format": to, "out": [str(path) for path in files]}, lambda: emit(visible(lines))
+    )
