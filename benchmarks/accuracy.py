@@ -158,7 +158,7 @@ IN_README = (
 
 
 def table(found: list[Row]) -> list[list[str]]:
-    head = ["footage", "told", "error", "predicted", "AUC", "focal px", "tilt", "height"]
+    head = ["footage", "given", "error", "predicted", "AUC", "focal px", "tilt", "height"]
     p = PUBLISHED["towncentre"]
     paper = [
         f"*published: TownCentre, {p.frames} frames*",
