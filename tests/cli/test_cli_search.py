@@ -55,7 +55,7 @@ def test_no_event_scores_less_than_a_thousandth_and_help_and_page_say_so(run, ga
 
     assert events("0") == events(f"{LEAST_SCORE:g}") != []
     said = " ".join(re.sub("[│╭╮╰╯─]", " ", run("search", "--help").stdout).split())
-    assert f"less than {LEAST_SCORE:g} counts as {LEAST_SCORE:g}" in said
+    assert f"values below {LEAST_SCORE:g} count as {LEAST_SCORE:g}" in said
     assert f"so 0 means {LEAST_SCORE:g}" in " ".join(DOCS.read_text().split())
 
 

@@ -238,7 +238,7 @@ def test_another_schema(tmp_path):
             {"schema": "scene4d/scene/7"},
             "field \"schema\" must be 'scene4d/scene/1', found 'scene4d/scene/7'",
         ),
-        ({"parts": [{"path": "tracks/x"}]}, r"field 'parts\[0\].rows' is missing"),
+        ({"parts": [{"path": "tracks/x"}]}, r"field 'parts\[0\].begin_s' is missing"),
     ):
         path.write_text(json.dumps(manifest | change))
         with pytest.raises(InputError, match=f"r.json: {said}"):
