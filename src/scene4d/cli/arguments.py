@@ -5,8 +5,21 @@ import math
 import re
 import shlex
 import sys
+from typing import Any
 
 import typer
+
+
+def annotation_format(panel: str) -> Any:
+    """The option ``--format`` of commands that read annotations."""
+    return typer.Option(
+        "--format",
+        metavar="NAME",
+        help="Format of --annotations, if the file does not show it: mot, coco, kpf, pets, "
+        "towncentre-csv, towncentre-top, virat.",
+        rich_help_panel=panel,
+        show_default=False,
+    )
 
 
 def parse_image_size(text: str) -> tuple[int, int]:

@@ -6,7 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scene4d.cli.arguments import command_line, parse_image_size, parse_person_height
+from scene4d.cli.arguments import (
+    annotation_format,
+    command_line,
+    parse_image_size,
+    parse_person_height,
+)
 from scene4d.cli.command import Answer, Job, command, output_folder
 
 if TYPE_CHECKING:
@@ -78,17 +83,7 @@ def calibrate(
             show_default=False,
         ),
     ] = None,
-    format_: Annotated[
-        str | None,
-        typer.Option(
-            "--format",
-            metavar="NAME",
-            help="Format of --annotations, if the file does not show it: mot, coco, kpf, "
-            "pets, towncentre-csv, towncentre-top, virat.",
-            rich_help_panel=_FOOTAGE,
-            show_default=False,
-        ),
-    ] = None,
+    format_: Annotated[str | None, annotation_format(_FOOTAGE)] = None,
     drop_invalid: Annotated[
         bool,
         typer.Option(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scene4d.cli.arguments import parse_person_height
+from scene4d.cli.arguments import annotation_format, parse_person_height
 from scene4d.cli.command import Answer, Job, command, output_folder
 
 if TYPE_CHECKING:
@@ -86,17 +86,7 @@ def track(
             show_default=False,
         ),
     ] = None,
-    format_: Annotated[
-        str | None,
-        typer.Option(
-            "--format",
-            metavar="NAME",
-            help="Format of --annotations, if the file does not show it: mot, coco, kpf, "
-            "pets, towncentre-csv, towncentre-top, virat.",
-            rich_help_panel=_WATCHING,
-            show_default=False,
-        ),
-    ] = None,
+    format_: Annotated[str | None, annotation_format(_WATCHING)] = None,
     drop_invalid: Annotated[
         bool,
         typer.Option(
