@@ -95,7 +95,7 @@ def rows(data: Path, scratch: Path) -> list[Row]:
     ]
     found.append(
         Row(
-            "PETS 2009 video, the paper's method, 1.70 m",
+            "PETS 2009 video, its boxes, the paper's method, 1.70 m",
             "nothing (network)",
             calibrate(video, CalibrateOptions(method="paper", orientation="network")),
             park,

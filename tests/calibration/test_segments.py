@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scenes import draw_scene, solve_points
 
-from scene4d.calibration import person_segments
+from scene4d.calibration import CalibrateOptions, person_segments
 from scene4d.calibration._segments import MIN_LENGTH_PX
+from scene4d.calibration.watching import Seen, solved
 from scene4d.core.body import COCO17, HALPE26, MIN_KEYPOINT_SCORE
+from scene4d.core.orientation import Orientation
 from scene4d.core.people import Detections
 
 SIZE = (640, 480)
@@ -172,3 +174,24 @@ def test_skeletons_calibrate_a_camera():
     assert found
     assert found.camera.focal_px == pytest.approx(scene.camera.focal_px, rel=0.1)
     assert found.camera.height_m == pytest.approx(scene.camera.height_m, rel=0.1)
+
+
+def test_the_papers_method_takes_boxes_that_stand_on_the_ground():
+    """As published: the keypoints of the same people are another answer."""
+    scene = draw_scene(3, 40, height_sigma=0.0, noise=0.0, noise_px=0.0)
+    camera, xy = scene.camera, scene.people.xy_m
+    on_ground, top = (
+        camera.project(np.column_stack([xy, np.full(len(xy), z)]))[0] for z in (0.0, 1.7)
+    )
+    upright = np.abs(on_ground[:, 0] - top[:, 0]) < 5
+    people = skeletons(scene.people.foot_uv[upright], top[upright], size=camera.image_size)
+    foot, head = on_ground[upright], top[upright]
+    box = np.column_stack([foot[:, 0] - 20, head[:, 1], foot[:, 0] + 20, foot[:, 1]])
+    told = Orientation(camera.focal_px, camera.tilt_rad, camera.roll_rad)
+    options = CalibrateOptions(method="paper", orientation=told)
+    found = solved(Seen(replace(people, box_xyxy=box), 40), options)
+    assert found and found.segments.from_box.all()
+    assert found.camera.height_m == pytest.approx(camera.height_m, rel=0.005)
+    assert not any("keypoints" in text for text in found.warnings)
+    joint = solved(Seen(people, 40), CalibrateOptions(orientation=told))
+    assert not joint.segments.from_box.any()

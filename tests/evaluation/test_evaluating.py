@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from readings import belief_of, reading_of
+from scene4d.calibration.orienting import OrientationReading
 from scene4d.calibration.watching import Seen
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Detections, Segments
@@ -39,6 +40,10 @@ def footage(monkeypatch) -> Input:
     return Input("video", Seen(nobody, FRAMES, reading=reading))
 
 
+def belief_reading(**wrong: float) -> OrientationReading:
+    return replace(reading_of(belief_of(CAMERA, **wrong), image_size=SIZE), focal_known=False)
+
+
 def test_the_network_has_its_rows_where_there_are_pictures(footage):
     truth = Orientation(CAMERA.focal_px, CAMERA.tilt_rad, CAMERA.roll_rad)
     tried = [t.setting for t in trials(footage, truth)]
@@ -49,6 +54,28 @@ def test_the_network_has_its_rows_where_there_are_pictures(footage):
     assert len(tried) == len(set(tried))
     blind = replace(footage, seen=replace(footage.seen, reading=None))
     assert not any(t.setting.given == "network" for t in trials(blind, truth))
+
+
+def test_where_the_lens_is_given_the_network_reads_straightened_pictures(footage, reference):
+    truth = Orientation(CAMERA.focal_px, CAMERA.tilt_rad, CAMERA.roll_rad)
+    assert not any("network" in t.setting.given and t.has_lens for t in trials(footage, truth))
+    bent = replace(belief_reading(tilt_deg=2.0), lens=CAMERA.lens)
+    lines = {
+        t.setting.given: t
+        for t in trials(replace(footage, straightened=bent), truth)
+        if t.setting.footage.endswith("boxes") and "network" in t.setting.given and t.has_lens
+    }
+    assert set(lines) == {"distortion, network", "lens, network"}
+    paper, joint = (lines[given] for given in ("distortion, network", "lens, network"))
+    assert (paper.setting.method, joint.setting.method) == ("paper", "joint")
+    # The paper undistorts and takes the network's focal length; a lens file's is believed.
+    assert paper.seen.reading is bent
+    assert joint.seen.reading.focal_known and joint.seen.reading.orientation.focal_sigma_px == 0.0
+    found = paper.outcome(reference, 1.70).calibration
+    np.testing.assert_allclose(found.camera.focal_px, bent.most_frequent.focal_px)
+    np.testing.assert_allclose(found.camera.tilt_rad, bent.most_frequent.tilt_rad)
+    held = joint.outcome(reference, 1.70).calibration
+    np.testing.assert_allclose(held.camera.K, CAMERA.K)
 
 
 def test_told_nothing_means_not_by_the_network_either(footage, reference):
@@ -69,8 +96,10 @@ def test_lines_without_pictures_borrow_the_reading_of_the_same_camera(
     monkeypatch.setattr(cameras, "HEIGHTS_M", (1.70,))
     monkeypatch.setattr(cameras, "trials", lambda given, truth: tried.append(given) or ())
     blind = Input("drawn boxes", Seen(footage.seen.detections, 1))
+    footage = replace(footage, straightened=belief_reading())
     found = cameras._evaluated("pets", reference, [footage, blind], ["first"], Silent())
     assert [given.seen.reading for given in tried] == [footage.seen.reading] * 2
+    assert [given.straightened for given in tried] == [footage.straightened] * 2
     assert found.notes[0] == "first" and "the same camera" in found.notes[1]
     dark = cameras._evaluated("pets", reference, [blind], [], Silent())
     assert tried[-1].seen.reading is None

@@ -33,9 +33,10 @@ class CalibrateOptions:
     an :class:`Orientation`. The paper's method uses the network's estimate for ``"auto"`` too.
 
     Solver: ``method`` ``"joint"`` estimates everything together; ``"paper"`` takes focal length,
-    tilt and roll from the orientation and solves for the height alone (Wagner et al. 2019), by the
-    ``consensus`` ``"exact"`` or, as published, ``"ransac"``. ``lines`` uses the straight edges of
-    the scene, ``estimate_distortion`` estimates a radial coefficient if no lens is given.
+    tilt and roll from the orientation and solves for the height alone, from boxes even where
+    keypoints are known (Wagner et al. 2019), by the ``consensus`` ``"exact"`` or, as published,
+    ``"ransac"``. ``lines`` uses the straight edges of the scene, ``estimate_distortion`` estimates
+    a radial coefficient if no lens is given.
     ``foot_height_m`` is the height of the foot points (0 for boxes) above the ground.
     ``systematics`` adds the errors that all people of real footage share and treats the places of
     one track as correlated. ``seed`` is the seed of all sampling.

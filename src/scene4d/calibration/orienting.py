@@ -86,6 +86,18 @@ class OrientationReading:
                 return replace(self, belief=belief, by_frame=((number, belief),))
         return None
 
+    def given_focal(self) -> "OrientationReading":
+        """The same reading, with the focal length of the lens believed as well."""
+        from scene4d.perception.orientation import fused
+
+        assert self.lens is not None
+        by_frame = tuple(
+            (number, _given_focal(belief, self.lens, self.image_size))
+            for number, belief in self.by_frame
+        )
+        together = fused([belief for _, belief in by_frame])
+        return replace(self, belief=together, by_frame=by_frame, focal_known=True)
+
     @cached_property
     def camera(self) -> Camera:
         """A camera of this orientation, one metre above the ground: its height is not read."""
@@ -215,7 +227,9 @@ class OrientationReader:
         """As :meth:`offer`, a picture that is certainly looked at."""
         image = image_bgr if self._straighten is None else self._straighten(image_bgr)
         belief = self._network.belief(image)
-        self._by_frame.append((index, self._given_focal(belief)))
+        if self._lens is not None and self._focal_known:
+            belief = _given_focal(belief, self._lens, self._size)
+        self._by_frame.append((index, belief))
         if self._image is None:
             self._image = image.copy()
 
@@ -239,30 +253,32 @@ class OrientationReader:
             notes=notes,
         )
 
-    def _given_focal(self, belief: "Belief") -> "Belief":
-        from scene4d.perception.orientation import crop_size
 
-        if self._lens is None or not self._focal_known:
-            return belief
-        half = crop_size(self._size)[1] / 2
-        return belief.given_vfov(float(2 * np.arctan(half / self._lens.K[1, 1])))
+def _given_focal(belief: "Belief", lens: Lens, image_size: tuple[int, int]) -> "Belief":
+    """What a belief about pictures of this size becomes once the lens's focal length is known."""
+    from scene4d.perception.orientation import crop_size
+
+    half = crop_size(image_size)[1] / 2
+    return belief.given_vfov(float(2 * np.arctan(half / lens.K[1, 1])))
 
 
 def read_orientation(
     source: str | Path,
     *,
     lens: str | Path | Lens | None = None,
+    focal_known: bool = True,
     frames: int | None = None,
     progress: Progress | None = None,
 ) -> OrientationReading:
     """Focal length, tilt and roll of a fixed camera from its pictures alone.
 
     ``source`` as in :func:`.calibrate`. ``lens`` (a camera file, or a lens for pictures of this
-    size) is taken out of the pictures, and its focal length believed; the optical axis is assumed
-    to meet the picture's centre whatever it says. ``frames`` up to :data:`MOST_FRAMES` spread
-    evenly over the footage are looked at; without it, as many as change the answer. A camera that
-    moves is noted, not refused. Raises :class:`InputError` for footage that cannot be read or is
-    too small, for a lens that does not fit it, and for frames out of range.
+    size) is taken out of the pictures, and its focal length believed unless ``focal_known`` is
+    false; the optical axis is assumed to meet the picture's centre whatever it says. ``frames`` up
+    to :data:`MOST_FRAMES` spread evenly over the footage are looked at; without it, as many as
+    change the answer. A camera that moves is noted, not refused. Raises :class:`InputError` for
+    footage that cannot be read or is too small, for a lens that does not fit it, and for frames
+    out of range.
     """
     from scene4d.video.motion import MotionMonitor
     from scene4d.video.reader import open_source
@@ -271,7 +287,8 @@ def read_orientation(
         raise InputError(f"frames must lie in 1 to {MOST_FRAMES}, found {frames}")
     progress = progress or Silent()
     with open_source(source) as footage:
-        reader = OrientationReader(footage.image_size, _lens(lens, footage.image_size))
+        known = _lens(lens, footage.image_size)
+        reader = OrientationReader(footage.image_size, known, focal_known=focal_known)
         monitor = MotionMonitor(footage.image_size)
         before, quiet = None, 0
         with progress.stage("Reading the orientation", frames) as step:

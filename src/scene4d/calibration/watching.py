@@ -44,22 +44,35 @@ class Seen:
 def solved(seen: Seen, options: CalibrateOptions) -> Calibration:
     """The calibration from what was seen; notes made while watching are among its warnings.
 
-    The files that ``options`` name must have been read (:meth:`CalibrateOptions.read`).
+    The paper's method takes the boxes, as published; the joint one takes keypoints where there are
+    some. The files that ``options`` name must have been read (:meth:`CalibrateOptions.read`).
     """
+    joint = options.method == "joint"
+    people = seen.detections if joint else seen.detections.without_keypoints()
     found = solve_guided(
-        person_segments(seen.detections),
-        seen.detections.image_size,
+        person_segments(people),
+        people.image_size,
         options,
         seen.reading,
         edges_xyxy=seen.edges_xyxy,
+        alone=None if joint else _without_network(seen, options),
     )
     said = [*seen.notes]
-    missing = missing_keypoints(seen.detections)
+    missing = missing_keypoints(people)
     if missing:
         said.append(
             f"The annotations' keypoints lack {', '.join(missing)}; their boxes were used instead."
         )
     return replace(found, frames=seen.frames, warnings=(*said, *found.warnings))
+
+
+def _without_network(seen: Seen, options: CalibrateOptions) -> Calibration | None:
+    """The joint answer from everything but the network's reading; None where none was made."""
+    if seen.reading is None or not options.uses_network:
+        return None
+    return solved(
+        replace(seen, reading=None), replace(options, method="joint", orientation="people")
+    )
 
 
 def fetch_weights(progress: Progress, *, vehicles: bool = False) -> None:

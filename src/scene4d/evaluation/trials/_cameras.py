@@ -8,9 +8,11 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.calibration.options import CalibrateOptions
+from scene4d.calibration.orienting import read_orientation
 from scene4d.calibration.watching import Seen, annotated, watch
 from scene4d.calibration.writing import BACKGROUND
 from scene4d.core.errors import InputError
+from scene4d.core.ground_map import GroundMap
 from scene4d.core.orientation import Orientation
 from scene4d.core.progress import Progress
 from scene4d.evaluation._options import EvaluateOptions
@@ -50,7 +52,7 @@ def evaluate_pets(data: str | Path, options: EvaluateOptions, progress: Progress
     """
     folder = Path(data)
     reference = pets(folder)
-    inputs, notes = _video(folder, CalibrateOptions(), progress)
+    inputs, notes = _video(folder, CalibrateOptions(), reference, progress)
     for name, footage in (
         ("frcnn_det.txt", "Faster R-CNN boxes"),
         ("PETS2009-S2L1.xml", "hand-drawn boxes"),
@@ -70,13 +72,13 @@ def evaluate_towncentre(
     """
     folder = Path(data)
     reference = towncentre(folder)
-    inputs, notes = _video(
-        folder, CalibrateOptions(frames=PUBLISHED["towncentre"].frames), progress
-    )
+    most = CalibrateOptions(frames=PUBLISHED["towncentre"].frames)
+    inputs, notes = _video(folder, most, reference, progress)
     pictures = folder / "frames"
     if pictures.is_dir():
         count = len(list(pictures.iterdir()))
-        inputs.append(Input(f"{count} frames", _watched(pictures, CalibrateOptions(), progress)))
+        name = f"{count} frames"
+        inputs.append(_watched(name, pictures, CalibrateOptions(), reference, progress))
     if (folder / "tracker_boxes.txt").exists():
         inputs.append(Input("tracker boxes", _boxes(folder / "tracker_boxes.txt", reference)))
     published = _boxes(folder / "TownCentreGTHalfRes.csv", reference)
@@ -96,7 +98,7 @@ def evaluate_virat(data: str | Path, options: EvaluateOptions, progress: Progres
         notes.append(_NO_VIDEO)
     else:
         frames = CalibrateOptions(frames=PUBLISHED["virat"].frames)
-        inputs.append(Input("video", _watched(scene.video, frames, progress)))
+        inputs.append(_watched("video", scene.video, frames, scene.reference, progress))
     people = spread_frames(scene.people)
     inputs.append(Input("annotated boxes", Seen(people, len(np.unique(people.frame)))))
     return _evaluated("virat", scene.reference, inputs, notes, progress)
@@ -149,7 +151,7 @@ def _grid(reference: Reference) -> Float[np.ndarray, "n 2"]:
 
 
 def _video(
-    folder: Path, options: CalibrateOptions, progress: Progress
+    folder: Path, options: CalibrateOptions, reference: Reference, progress: Progress
 ) -> tuple[list[Input], list[str]]:
     videos = sorted(p for p in folder.iterdir() if p.suffix.lower() in _VIDEO_SUFFIXES)
     if not videos:
@@ -157,16 +159,27 @@ def _video(
     if len(videos) > 1:
         names = ", ".join(p.name for p in videos)
         raise InputError(f"{folder}: holds several videos ({names}); leave the one to evaluate")
-    return [Input("video", _watched(videos[0], options, progress))], []
+    return [_watched("video", videos[0], options, reference, progress)], []
 
 
-def _watched(source: Path, options: CalibrateOptions, progress: Progress) -> Seen:
-    """What the footage shows; the orientation network looks at every frame that is sampled."""
+def _watched(
+    name: str, source: Path, options: CalibrateOptions, reference: Reference, progress: Progress
+) -> Input:
+    """What the footage shows; the orientation network looks at every frame that is sampled, and
+    once more through the true lens where that bends the pictures.
+    """
     from scene4d.video.reader import open_source
 
     options = replace(options, orientation="network")
     with open_source(source) as footage:
-        return watch(footage, options, progress, {})
+        seen = watch(footage, options, progress, {})
+    truth = reference.truth
+    if isinstance(truth, GroundMap) or not truth.distortion.any():
+        return Input(name, seen)
+    straightened = read_orientation(
+        source, lens=truth.lens, focal_known=False, frames=seen.frames, progress=progress
+    )
+    return Input(name, seen, straightened=straightened)
 
 
 def _boxes(path: Path, reference: Reference) -> Seen:
@@ -202,16 +215,17 @@ def _evaluated(
 
 
 def _lent(inputs: Sequence[Input], notes: list[str]) -> list[Input]:
-    """The inputs; those without pictures borrow the network's reading of one that has some."""
-    readings = [given.seen.reading for given in inputs if given.seen.reading is not None]
-    if not readings:
+    """The inputs; those without pictures borrow the network's readings of one that has some."""
+    lenders = [given for given in inputs if given.seen.reading is not None]
+    if not lenders:
         notes.append(_NO_PICTURES)
         return list(inputs)
-    if len(readings) < len(inputs):
+    if len(lenders) < len(inputs):
         notes.append(_LENT)
+    reading, straightened = lenders[0].seen.reading, lenders[0].straightened
     return [
         given
         if given.seen.reading is not None
-        else replace(given, seen=replace(given.seen, reading=readings[0]))
+        else replace(given, seen=replace(given.seen, reading=reading), straightened=straightened)
         for given in inputs
     ]
