@@ -161,3 +161,48 @@ def test_two_frames_of_a_busy_street_show_one_view_and_another_street_does_not(s
     assert watch([first, second]) == MotionVerdict(False, 0, 1, 0.0, None)
     other = cv2.imread(str(shared_data / "meva" / "frames" / "G341.jpg"))
     assert watch([first, cv2.resize(other, (1920, 1080))]).moved
+
+
+def seen_from(frames, seconds=2.0):
+    height, width = frames[0].shape[:2]
+    monitor = MotionMonitor((width, height))
+    told = [monitor.add(frame, i * seconds) for i, frame in enumerate(frames)]
+    return monitor.verdict(), told
+
+
+def test_a_view_that_changes_near_the_end_is_told_frame_by_frame(textured):
+    """Too few frames to refuse the footage; whoever uses them can leave them out."""
+    other = np.ascontiguousarray(textured[::-1, ::-1])
+    for end in (other, view(textured, (0.015, 0))):
+        verdict, told = seen_from([noisy(textured if i < 22 else end, i) for i in range(25)])
+        assert not verdict.moved
+        assert verdict.reason is None
+        assert told == [True] * 22 + [False] * 3
+        assert (verdict.frames_moved, verdict.moved_at_s) == (3, 44.0)
+
+
+COURSES = {
+    "a slow pan": (
+        lambda i, n, a, b: view(a, (0.03 * i / n, 0)),
+        "more and more; use a stretch of footage in which it stands still",
+    ),
+    "a slow zoom": (lambda i, n, a, b: view(a, zoom=1 + 0.04 * i / n), "more and more; use"),
+    "turned once": (
+        lambda i, n, a, b: view(a, (0.02, 0)) if i >= 10 else a,
+        "from 20.0 s on; use the footage before or after 20.0 s alone",
+    ),
+    "two cameras in turns": (
+        lambda i, n, a, b: b if i // 3 % 2 else a,
+        "from 6.0 s on, and the view changes 6 times; split the footage where it changes",
+    ),
+    "one camera after the other": (lambda i, n, a, b: b if i >= 9 else a, "before or after 18.0 s"),
+}
+
+
+@pytest.mark.parametrize("course", COURSES.values(), ids=COURSES.keys())
+def test_how_the_view_changes_is_said_and_what_helps(textured, course):
+    frame, words = course
+    other = np.ascontiguousarray(textured[::-1, ::-1])
+    verdict, _ = seen_from([noisy(frame(i, 20, textured, other), i) for i in range(20)])
+    assert verdict.moved
+    assert words in verdict.reason

@@ -20,6 +20,7 @@ from scene4d.core.progress import Progress, timed
 if TYPE_CHECKING:
     from scene4d.perception.people import PeopleDetector
     from scene4d.video.frames import Frame, Source
+    from scene4d.video.motion import MotionVerdict
 
 _ROUGH_FRAMES = 12
 """Frames for a rough camera, which tells the detector how large people are in each row."""
@@ -147,10 +148,15 @@ def watch(
     notes: list[str] = []
     parts: list[Detections] = []
     busiest: tuple[int, np.ndarray | None] = (0, None)
-    count = 0
+    sampled: list[int] = []
+    elsewhere: list[int] = []
     with timed(timings, "decode and detect"), progress.stage("Watching people", expected) as step:
         for frame in sample_frames(footage, options.frames):
-            monitor.add(frame.image_bgr, frame.time_s)
+            sampled.append(frame.index)
+            step(1)
+            if not monitor.add(frame.image_bgr, frame.time_s):
+                elsewhere.append(frame.index)
+                continue
             background.add(frame)
             if reader is not None and not _offered(reader, frame, options, notes):
                 reader = None
@@ -158,21 +164,23 @@ def watch(
                 parts.append(people.look(frame))
                 if len(parts[-1]) > busiest[0]:
                     busiest = len(parts[-1]), frame.image_bgr.copy()
-            count += 1
-            step(1)
-    if count == 0:
+    if not sampled:
         raise InputError(f"{footage.name}: no frame could be read")
     verdict = monitor.verdict()
     if verdict.moved:
         raise InputError(f"{footage.name}: {verdict.reason}")
     if people is None:
         seen = annotated(options, footage.image_size, footage.fps)
+        of_view = ~_nearest_in(seen.detections.frame, sampled, elsewhere)
+        seen.detections = seen.detections.select(of_view)
     else:
-        seen = Seen(Detections.concatenate(parts), count)
+        seen = Seen(Detections.concatenate(parts), len(sampled) - len(elsewhere))
         drop_stationary(seen)
     seen.notes.extend(notes)
+    if verdict.frames_moved:
+        seen.notes.append(_left_out(verdict))
     seen.reading = None if reader is None else reader.reading()
-    if verdict.reason is not None and count > 1:
+    if verdict.reason is not None and len(sampled) > 1:
         seen.notes.append(f"{verdict.reason[0].upper()}{verdict.reason[1:]}.")
     seen.image_bgr, seen.people_bgr = background.image(), busiest[1]
     if options.lines and options.method == "joint" and seen.image_bgr is not None:
@@ -180,6 +188,22 @@ def watch(
             hidden = None if background.is_median else seen.detections.box_xyxy
             seen.edges_xyxy = straight_edges(seen.image_bgr, hidden)
     return seen
+
+
+def _nearest_in(frame: np.ndarray, sampled: list[int], chosen: list[int]) -> np.ndarray:
+    """Of each frame (n,) whether the ``sampled`` one that is nearest to it is ``chosen``."""
+    known = np.array(sampled)
+    between = (known[1:] + known[:-1]) / 2
+    nearest = known[np.searchsorted(between, frame)]
+    return np.isin(nearest, chosen)
+
+
+def _left_out(verdict: "MotionVerdict") -> str:
+    at = "" if verdict.moved_at_s is None else f", the first at {verdict.moved_at_s:.1f} s,"
+    return (
+        f"{verdict.frames_moved} of {verdict.frames_checked} frames{at} show another view and were "
+        "left out; the camera is that of the other frames."
+    )
 
 
 def _reader(

@@ -28,6 +28,10 @@ _MIN_SHIFT = 0.006
 at most 0.0017."""
 _MIN_SHARE = 0.2
 """Share of the frames that must have moved; fewer may be a passing truck or a hand on the lens."""
+_DRIFT_FRAMES = 5
+_DRIFT_CORRELATION = 0.9
+"""A shift whose ranks follow time this closely, over so many frames, is a pan or zoom: by chance
+that happens to five frames once in 24 times, and it only chooses the words."""
 _STILL_PX = 1.0
 _STILL_SHARE = 0.25
 _STILL_CELLS = 5
@@ -54,6 +58,10 @@ _AGREEING_SHARE = 0.15
 _WINDOW_PX = (21, 21)
 _PYRAMID_LEVELS = 4
 """Of Lucas-Kanade."""
+_NO_STRUCTURE = (
+    "whether the camera moves cannot be told: fewer than two frames have a background with enough "
+    "structure"
+)
 
 
 @dataclass(frozen=True)
@@ -62,7 +70,8 @@ class MotionVerdict:
 
     ``max_shift_px`` is the largest movement of the view in pixels of the footage (root mean
     square over the image), NaN if the moved frames show another view altogether. ``reason`` is one
-    sentence if the camera moved or there is no verdict, else None.
+    sentence if the camera moved or there is no verdict, else None. ``moved_at_s`` is the time of
+    the first moved frame, None if none moved or there is no clock.
     """
 
     moved: bool
@@ -70,6 +79,7 @@ class MotionVerdict:
     frames_checked: int
     max_shift_px: float
     reason: str | None
+    moved_at_s: float | None = None
 
 
 class MotionMonitor:
@@ -85,57 +95,47 @@ class MotionMonitor:
         self._size = (max(16, round(width * self._scale)), max(16, round(height * self._scale)))
         self._reference: np.ndarray | None = None
         self._corners = np.empty((0, 2), np.float32)
-        self._checked = 0
-        self._shifts_px: list[float] = []
-        self._first_moved_s: float | None = None
+        self._checked: list[_Checked] = []
 
-    def add(self, image_bgr: UInt8[np.ndarray, "h w 3"], time_s: float) -> None:
-        """Compare one frame of the footage; ``time_s`` is only reported."""
+    def add(self, image_bgr: UInt8[np.ndarray, "h w 3"], time_s: float) -> bool:
+        """Compare one frame of the footage; false if it shows another view than the first.
+
+        ``time_s`` is only reported.
+        """
         grey = cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY)
         even = _even(cv2.resize(grey, self._size, interpolation=cv2.INTER_AREA))
         if self._reference is None:
             corners = _corners(even)
             if len(corners) >= _MIN_CORNERS:
                 self._reference, self._corners = even, corners
-            return
+            return True
         shift = self._shift(even)
         if shift is None:
-            return
-        self._checked += 1
-        if not shift < _MIN_SHIFT * self._size[0]:
-            self._shifts_px.append(shift / self._scale)
-            if self._first_moved_s is None or time_s < self._first_moved_s:
-                self._first_moved_s = time_s
+            return True
+        moved = not shift < _MIN_SHIFT * self._size[0]
+        self._checked.append(_Checked(time_s, moved, shift / self._scale))
+        return not moved
 
     def verdict(self) -> MotionVerdict:
         """The verdict from the frames so far."""
-        moved_frames = len(self._shifts_px)
-        moved = moved_frames > 0 and moved_frames >= _MIN_SHARE * self._checked
-        known = [s for s in self._shifts_px if np.isfinite(s)]
-        largest = max(known) if known else (float("nan") if moved_frames else 0.0)
-        return MotionVerdict(
-            moved, moved_frames, self._checked, largest, self._reason(moved, known)
-        )
-
-    def _reason(self, moved: bool, known: list[float]) -> str | None:
-        if self._checked == 0:
-            return (
-                "whether the camera moves cannot be told: fewer than two frames have a background "
-                "with enough structure"
+        moved = [frame for frame in self._checked if frame.moved]
+        known = [frame.shift_px for frame in moved if np.isfinite(frame.shift_px)]
+        largest = max(known) if known else (float("nan") if moved else 0.0)
+        times = [frame.time_s for frame in moved if np.isfinite(frame.time_s)]
+        since = min(times) if times else None
+        checked = len(self._checked)
+        reason = None if checked else _NO_STRUCTURE
+        has_moved = len(moved) > 0 and len(moved) >= _MIN_SHARE * checked
+        if has_moved:
+            when = "" if since is None else f", from {since:.1f} s on"
+            how = (
+                f"are shifted by up to {largest:.0f} px against the first"
+                if known
+                else "show another view than the first"
             )
-        if not moved:
-            return None
-        since = self._first_moved_s
-        when = f", from {since:.1f} s on" if since is not None and np.isfinite(since) else ""
-        how = (
-            f"are shifted by up to {max(known):.0f} px against the first"
-            if known
-            else "show another view than the first"
-        )
-        return (
-            f"the camera moves: {len(self._shifts_px)} of {self._checked} frames {how}{when}; "
-            "use a stretch of footage in which it stands still, or pictures of one camera only"
-        )
+            course = _course(self._checked)
+            reason = f"the camera moves: {len(moved)} of {checked} frames {how}{when}{course}"
+        return MotionVerdict(has_moved, len(moved), checked, largest, reason, since)
 
     def _shift(self, even: np.ndarray) -> float | None:
         """Movement in work pixels: 0 at rest, NaN for another view, None if undecided."""
@@ -155,6 +155,43 @@ class MotionMonitor:
         still = here[np.linalg.norm(there - here, axis=1) < _STILL_PX]
         cells = {tuple(c) for c in (still * CELLS // self._size).astype(int).tolist()}
         return len(still) >= _STILL_SHARE * len(self._corners) and len(cells) >= _STILL_CELLS
+
+
+@dataclass(frozen=True)
+class _Checked:
+    """A frame that was compared: whether it shows another view, and the shift (NaN: unknown)."""
+
+    time_s: float
+    moved: bool
+    shift_px: float
+
+
+def _course(checked: list[_Checked]) -> str:
+    """How the movement goes on over time, and what helps."""
+    in_order = sorted(checked, key=lambda frame: frame.time_s)  # stable where there is no clock
+    moved = np.array([frame.moved for frame in in_order])
+    changes = np.flatnonzero(np.diff(moved)) + 1
+    if len(changes) > 2:
+        return (
+            f", and the view changes {len(changes)} times; split the footage where it changes, and "
+            "use pictures of one camera only"
+        )
+    shift_px = np.array([frame.shift_px for frame in in_order if frame.moved])
+    if len(shift_px) >= _DRIFT_FRAMES and _is_growing(shift_px):
+        return ", more and more; use a stretch of footage in which it stands still"
+    at_s = in_order[changes[0]].time_s if len(changes) == 1 else np.nan
+    if np.isfinite(at_s):
+        return f"; use the footage before or after {at_s:.1f} s alone"
+    return "; use a stretch of footage in which it stands still, or pictures of one camera only"
+
+
+def _is_growing(shift_px: np.ndarray) -> bool:
+    ranks = np.argsort(np.argsort(shift_px))
+    return bool(
+        np.isfinite(shift_px).all()
+        and shift_px[-1] > 1.5 * shift_px[0]
+        and np.corrcoef(ranks, np.arange(len(ranks)))[0, 1] > _DRIFT_CORRELATION
+    )
 
 
 def _even(grey: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
