@@ -157,8 +157,9 @@ def test_a_lens_is_taken_out_and_believed(network, tmp_path):
 def test_the_mode_is_the_papers(network):
     often, once = belief_of(CAMERA), belief_of(CAMERA, tilt_deg=20.0)
     reading = reading_of(often, once, often, image_size=SIZE)
-    roll, tilt, _ = often.mode()
-    assert reading.most_frequent.tilt_rad == tilt and reading.most_frequent.roll_rad == roll
+    found = reading.most_frequent
+    values = found.roll_rad, found.tilt_rad, found.focal_px
+    assert values == pytest.approx((CAMERA.roll_rad, CAMERA.tilt_rad, CAMERA.focal_px), rel=1e-6)
     assert reading.most_frequent.tilt_sigma_rad == reading.orientation.tilt_sigma_rad
 
 

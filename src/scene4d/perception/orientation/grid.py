@@ -23,6 +23,15 @@ ASPECT = (4, 3)
 _MOST_CORRELATION = 0.98
 """Of focal length and tilt: a covariance must stay invertible."""
 _AXES = (ROLL_RAD, TILT_RAD, np.log(VFOV_RAD))
+_STEPS = np.array([axis[1] - axis[0] for axis in _AXES])
+_EVEN_VARIANCE = 1 / 12
+"""Of an even distribution over a cell one wide: what is known of the place within a cell."""
+_NEAR = np.array(list(np.ndindex(3, 3, 3))) - 1
+"""Steps from a cell to itself and to the 26 that touch it."""
+_TERMS = np.column_stack(
+    [np.ones(len(_NEAR)), _NEAR, *(_NEAR[:, i] * _NEAR[:, j] for i, j in zip(*np.triu_indices(3)))]
+)
+"""Of a quadratic at those steps."""
 _CORRELATION = 0.9
 """Of the network's errors in two frames of one camera: it looks at the same scene. Chosen
 by hand."""
@@ -97,11 +106,15 @@ class Belief:
         return np.array([roll, tilt, np.exp(log_vfov)])
 
     def sigma(self) -> Float[np.ndarray, "3"]:
-        """Standard deviations of roll, tilt and field of view, radians."""
-        spread = []
-        for n, nodes in enumerate(_AXES):
-            weight = self.marginal(n)
-            spread.append(np.sqrt(weight @ (nodes - weight @ nodes) ** 2))
+        """Standard deviations of roll, tilt and field of view, radians.
+
+        A cell's probability is spread evenly over it, as in :meth:`interval`, so none is narrower
+        than a cell's own.
+        """
+        spread = [
+            np.sqrt(_variance(self.marginal(n), nodes) + _EVEN_VARIANCE * _STEPS[n] ** 2)
+            for n, nodes in enumerate(_AXES)
+        ]
         return np.array(spread) * [1, 1, self.mean()[2]]
 
     def information(self) -> float:
@@ -124,8 +137,7 @@ class Belief:
 
     def interval(self, axis: int, share: float = 0.95) -> tuple[float, float]:
         """The central interval of one axis with this probability, radians."""
-        nodes = _AXES[axis]
-        step = nodes[1] - nodes[0]
+        nodes, step = _AXES[axis], _STEPS[axis]
         # A cell's probability is spread evenly over it.
         edges = np.append(nodes - step / 2, nodes[-1] + step / 2)
         reached = np.concatenate([[0.0], np.cumsum(self.marginal(axis))])
@@ -141,36 +153,59 @@ class Belief:
         if not 0 < vfov_rad < np.pi:
             raise InputError(f"vfov_rad must lie in 0 to π, found {vfov_rad}")
         log_vfov = np.log(np.clip(vfov_rad, VFOV_RAD[0], VFOV_RAD[-1]))
-        step = _AXES[2][1] - _AXES[2][0]
         # Never narrower than the grid can hold.
-        spread = max(relative_sigma, step / 2)
+        spread = max(relative_sigma, _STEPS[2] / 2)
         weight = -0.5 * ((_AXES[2] - log_vfov) / spread) ** 2
         return Belief.normalised(self.log_p + weight)
 
     def orientation(self, image_size: tuple[int, int]) -> Orientation:
         """As a Gaussian over focal length in pixels, tilt and roll of pictures of this size."""
-        focal = crop_size(image_size)[1] / 2 / np.tan(VFOV_RAD / 2)
+        log_focal = np.log(crop_size(image_size)[1] / 2 / np.tan(VFOV_RAD / 2))
         weight = self.marginal(2)
-        log_focal = float(weight @ np.log(focal))
-        focal_sigma = float(np.sqrt(weight @ (np.log(focal) - log_focal) ** 2))
-        mean, sigma = [], []
-        for axis, nodes in enumerate(_AXES[:2]):
-            weight = self.marginal(axis)
-            mean.append(float(weight @ nodes))
-            sigma.append(float(np.sqrt(weight @ (nodes - mean[-1]) ** 2)))
-        both = self.p.sum(axis=0)
-        together = (TILT_RAD - mean[1]) @ both @ (np.log(focal) - log_focal)
-        most = _MOST_CORRELATION
-        correlation = float(together / max(sigma[1] * focal_sigma, 1e-12))
+        focal = float(weight @ log_focal)
+        # d log f / d log vfov = -vfov / sin(vfov)
+        within = _EVEN_VARIANCE * (_STEPS[2] * VFOV_RAD / np.sin(VFOV_RAD)) ** 2
+        focal_sigma = float(np.sqrt(_variance(weight, log_focal) + weight @ within))
+        (roll, tilt, _), (roll_sigma, tilt_sigma, _) = self.mean(), self.sigma()
+        together = (TILT_RAD - tilt) @ self.p.sum(axis=0) @ (log_focal - focal)
+        correlation = float(together / (tilt_sigma * focal_sigma))
         return Orientation(
-            focal_px=float(np.exp(log_focal)),
-            tilt_rad=mean[1],
-            roll_rad=mean[0],
-            focal_sigma_px=float(np.exp(log_focal)) * focal_sigma,
-            tilt_sigma_rad=sigma[1],
-            roll_sigma_rad=sigma[0],
-            focal_tilt_correlation=float(np.clip(correlation, -most, most)),
+            focal_px=float(np.exp(focal)),
+            tilt_rad=float(tilt),
+            roll_rad=float(roll),
+            focal_sigma_px=float(np.exp(focal)) * focal_sigma,
+            tilt_sigma_rad=float(tilt_sigma),
+            roll_sigma_rad=float(roll_sigma),
+            focal_tilt_correlation=float(
+                np.clip(correlation, -_MOST_CORRELATION, _MOST_CORRELATION)
+            ),
         )
+
+    def peak(self, cell: tuple[int, ...]) -> Float[np.ndarray, "3"]:
+        """Roll, tilt and field of view (radians) of the peak near a cell, between the grid's nodes.
+
+        A quadratic, as the logarithm of a Gaussian is, is fitted to the log-probability of the cell
+        and of those that touch it. The peak is never farther than one cell; where there is none, it is the
+        cell's centre.
+        """
+        inner = np.clip(cell, 1, np.array(SHAPE) - 2)
+        heights = self.log_p[tuple((inner + _NEAR).T)]
+        heights = heights - heights.max()
+        weight = np.exp(heights / 2)  # squares weighted by probability
+        quadratic, *_ = np.linalg.lstsq(weight[:, None] * _TERMS, weight * heights, rcond=None)
+        slope, bend = quadratic[1:4], np.zeros((3, 3))
+        bend[np.triu_indices(3)] = quadratic[4:]
+        bend += bend.T
+        step = np.zeros(3)
+        if np.linalg.eigvalsh(bend).max() < 0:
+            step = inner - cell + np.linalg.solve(-bend, slope)
+        nodes = np.array([axis[n] for axis, n in zip(_AXES, cell, strict=True)])
+        roll, tilt, log_vfov = nodes + np.clip(step, -1, 1) * _STEPS
+        return np.array([roll, tilt, np.exp(log_vfov)])
+
+
+def _variance(weight: Float[np.ndarray, "n"], values: Float[np.ndarray, "n"]) -> float:
+    return float(weight @ (values - weight @ values) ** 2)
 
 
 def fused(beliefs: Sequence[Belief], *, correlation: float = _CORRELATION) -> Belief:
@@ -201,11 +236,16 @@ def _strays(beliefs: Sequence[Belief]) -> np.ndarray:
 
 
 def modal(beliefs: Sequence[Belief]) -> np.ndarray:
-    """Roll, tilt and field of view (radians) read most often, as the paper takes them: the mode
-    over frames of each frame's likeliest cell, the first of several. Raises :class:`ValueError` for
-    no frames.
+    """Roll, tilt and field of view (radians) read most often, as the paper takes them.
+
+    The mode over frames of each frame's likeliest cell. Within it and towards its neighbours, the
+    place is that of the peak of what all frames say together (:meth:`Belief.peak`): whether a
+    camera's tilt lies at the middle of a cell or between two is luck. Of cells read equally often,
+    the likeliest. Raises :class:`ValueError` for no frames.
     """
     if not beliefs:
         raise ValueError("the mode of no frames")
-    votes = Counter(tuple(belief.mode()) for belief in beliefs)
-    return np.array(votes.most_common(1)[0][0])
+    together = fused(beliefs)
+    votes = Counter(int(np.argmax(belief.log_p)) for belief in beliefs)
+    cell = max(votes, key=lambda cell: (votes[cell], together.log_p.flat[cell]))
+    return together.peak(tuple(int(n) for n in np.unravel_index(cell, SHAPE)))
