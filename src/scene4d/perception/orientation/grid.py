@@ -28,9 +28,8 @@ _EVEN_VARIANCE = 1 / 12
 """Of an even distribution over a cell one wide: what is known of the place within a cell."""
 _NEAR = np.array(list(np.ndindex(3, 3, 3))) - 1
 """Steps from a cell to itself and to the 26 that touch it."""
-_TERMS = np.column_stack(
-    [np.ones(len(_NEAR)), _NEAR, *(_NEAR[:, i] * _NEAR[:, j] for i, j in zip(*np.triu_indices(3)))]
-)
+_PAIRS = np.triu_indices(3)
+_TERMS = np.column_stack([np.ones(len(_NEAR)), _NEAR, _NEAR[:, _PAIRS[0]] * _NEAR[:, _PAIRS[1]]])
 """Of a quadratic at those steps."""
 _CORRELATION = 0.9
 """Of the network's errors in two frames of one camera: it looks at the same scene. Chosen
@@ -185,8 +184,8 @@ class Belief:
         """Roll, tilt and field of view (radians) of the peak near a cell, between the grid's nodes.
 
         A quadratic, as the logarithm of a Gaussian is, is fitted to the log-probability of the cell
-        and of those that touch it. The peak is never farther than one cell; where there is none, it is the
-        cell's centre.
+        and of those that touch it. The peak is never farther than one cell; where there is none, it
+        is the cell's centre.
         """
         inner = np.clip(cell, 1, np.array(SHAPE) - 2)
         heights = self.log_p[tuple((inner + _NEAR).T)]
@@ -194,7 +193,7 @@ class Belief:
         weight = np.exp(heights / 2)  # squares weighted by probability
         quadratic, *_ = np.linalg.lstsq(weight[:, None] * _TERMS, weight * heights, rcond=None)
         slope, bend = quadratic[1:4], np.zeros((3, 3))
-        bend[np.triu_indices(3)] = quadratic[4:]
+        bend[_PAIRS] = quadratic[4:]
         bend += bend.T
         step = np.zeros(3)
         if np.linalg.eigvalsh(bend).max() < 0:
