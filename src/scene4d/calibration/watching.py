@@ -9,6 +9,7 @@ import numpy as np
 
 from scene4d.calibration._guess import solve_guided
 from scene4d.calibration._segments import missing_keypoints, person_segments
+from scene4d.calibration._upright import turned_footage
 from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.orienting import MOST_FRAMES, OrientationReader, OrientationReading
 from scene4d.core.calibration import Calibration
@@ -176,6 +177,10 @@ def watch(
     else:
         seen = Seen(Detections.concatenate(parts), len(sampled) - len(elsewhere))
         drop_stationary(seen)
+        whole = len(person_segments(seen.detections))
+        turned = turned_footage(people, background.kept_bgr, whole, seen.frames)
+        if turned is not None:
+            raise InputError(f"{footage.name}: {turned}")
     seen.notes.extend(notes)
     if verdict.frames_moved:
         seen.notes.append(_left_out(verdict))

@@ -30,6 +30,11 @@ class Background:
         self._seen += 1
 
     @property
+    def kept_bgr(self) -> list[UInt8[np.ndarray, "h w 3"]]:
+        """The frames that were kept."""
+        return self._kept
+
+    @property
     def is_median(self) -> bool:
         """Whether enough frames were kept to remove moving objects."""
         return len(self._kept) >= _MIN_FRAMES
