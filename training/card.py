@@ -16,20 +16,27 @@ import numpy as np
 from scene4d.perception.orientation import Belief, OrientationNetwork, PoseReader, fused, modal
 from scene4d.perception.orientation._lines import line_log_likelihood
 from training.cases import (
+    HILLSIDES,
     Case,
     blurred,
     degraded_like_training,
+    drawn_slopes,
     held_out,
     hopeless,
     real_cameras,
+    steep,
+    turned,
+    wooded_slopes,
 )
 from training.fields import field_belief
-from training.panoramas import Panorama, read_panoramas
+from training.panoramas import SPLITS, Panorama, read_panoramas
 
 SEED = 20
 TUNED = ("gkjohnson", "happy358")
 """The constants of the lines were chosen on crops of panoramas of these names, of every split."""
 Reader = Callable[[np.ndarray], Belief]
+WIDE_DEG = (15.0, 25.0)
+"""Widths of 95 % intervals of tilt and field of view, above which an answer claims little."""
 FIELD_POWER = 0.019
 """Exponent of the dense head's likelihood, whose cells repeat one another; fitted likewise."""
 
@@ -94,22 +101,21 @@ _HEAD = (
 )
 
 
-def measured(data: Path, network: OrientationNetwork) -> str:
-    """All tables, in Markdown."""
-    test, product = read_panoramas(data / "panoramas", "test"), PoseReader(network)
+def measured(data: Path, network: OrientationNetwork, split: str = "test") -> str:
+    """All tables, in Markdown, of the panoramas of one split."""
+    test, product = read_panoramas(data / "panoramas", split), PoseReader(network)
     cases = list(held_out(test, SEED))
     lines = [f"{len(cases)} crops of {len(test)} panoramas, tilt -10 to 50°.", "", _HEAD]
     for name, read in readers(network).items():
         lines.append(_row(name, score(cases, read)))
     lines += ["", "The product, by the tilt of the crops, and by the place.", "", _HEAD]
-    indoors = {panorama.name for panorama in test if not panorama.outdoors}
+    for name, part in _parts(cases, test).items():
+        lines.append(_row(f"{name} ({len(part)})", score(part, product.belief)))
+    lines += ["", "Other crops: steep ones, and ground that slopes. The product again.", "", _HEAD]
     for name, part in {
-        "tilt below 0°": [case for case in cases if case.truth_rad[1] < 0],
-        "tilt 0 to 40°": [case for case in cases if 0 <= case.truth_rad[1] < np.radians(40)],
-        "tilt 40 to 50°": [case for case in cases if case.truth_rad[1] >= np.radians(40)],
-        "panoramas that tuned nothing": [case for case in cases if not case.name.startswith(TUNED)],
-        "outdoors": [case for case in cases if case.name not in indoors],
-        "indoors": [case for case in cases if case.name in indoors],
+        "tilt 40 to 70°": list(steep(test, SEED)),
+        "wooded places made to slope, 3-20°": list(wooded_slopes(test, SEED)),
+        "drawn streets that slope, 5-20°": list(drawn_slopes(test, SEED)),
     }.items():
         lines.append(_row(f"{name} ({len(part)})", score(part, product.belief)))
     lines += ["", "The same crops made worse, and the network alone.", "", _HEAD]
@@ -119,6 +125,19 @@ def measured(data: Path, network: OrientationNetwork) -> str:
     lines.append(_row("all weathers and ranges of training", score(worse, network.belief)))
     lines += ["", *_real(data, product), "", *_hopeless(test, product)]
     return "\n".join(lines)
+
+
+def _parts(cases: list[Case], panoramas: list[Panorama]) -> dict[str, list[Case]]:
+    indoors = {panorama.name for panorama in panoramas if not panorama.outdoors}
+    return {
+        "tilt below 0°": [case for case in cases if case.truth_rad[1] < 0],
+        "tilt 0 to 40°": [case for case in cases if 0 <= case.truth_rad[1] < np.radians(40)],
+        "tilt 40 to 50°": [case for case in cases if case.truth_rad[1] >= np.radians(40)],
+        "hillsides": [case for case in cases if case.name in HILLSIDES],
+        "panoramas that tuned nothing": [case for case in cases if not case.name.startswith(TUNED)],
+        "outdoors": [case for case in cases if case.name not in indoors],
+        "indoors": [case for case in cases if case.name in indoors],
+    }
 
 
 def _real(data: Path, reader: PoseReader) -> list[str]:
@@ -152,10 +171,24 @@ def _hopeless(panoramas: list[Panorama], reader: PoseReader) -> list[str]:
         "| --- | ---: | ---: | ---: |",
     ]
     for name, picture in hopeless(panoramas):
-        belief = reader.belief(picture)
-        ends = np.degrees([belief.interval(axis) for axis in range(3)])
-        lines.append(f"| {name} | " + " | ".join(f"{b - a:.0f}" for a, b in ends) + " |")
+        lines.append(f"| {name} | {_cells(_widths_deg(reader.belief(picture)))} |")
+    sides = list(turned(panoramas, SEED))
+    widths = np.array([_widths_deg(reader.belief(case.picture_bgr)) for case in sides])
+    lines.append(f"| median of {len(sides)} turned crops | {_cells(np.median(widths, axis=0))} |")
+    lines.append(f"| 5th percentile of these | {_cells(np.percentile(widths, 5, axis=0))} |")
+    narrow = ~(widths[:, 1:] > WIDE_DEG).all(axis=1)
+    wanted = " and ".join(f"{value:g}°" for value in WIDE_DEG)
+    lines += ["", f"Turned crops narrower than {wanted} of tilt and field of view: "
+              f"{narrow.mean():.1%}."]  # fmt: skip
     return lines
+
+
+def _widths_deg(belief: Belief) -> np.ndarray:
+    return np.degrees([np.ptp(belief.interval(axis)) for axis in range(3)])
+
+
+def _cells(values: np.ndarray) -> str:
+    return " | ".join(f"{value:.0f}" for value in values)
 
 
 def fitted_powers(data: Path, network: OrientationNetwork) -> dict[str, float]:
@@ -187,6 +220,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, default=Path("../shared/data"))
     parser.add_argument("--network", type=Path, default=None, help="default: the packaged one")
+    parser.add_argument("--split", choices=SPLITS, default="test", help="panoramas to measure on")
     parser.add_argument("--fit", action="store_true", help="fit the exponents instead")
     parser.add_argument("--write", type=Path, default=None, help="model card to renew")
     args = parser.parse_args()
@@ -194,7 +228,7 @@ def main() -> None:
     if args.fit:
         print(json.dumps(fitted_powers(args.data, network)))  # noqa: T201
         return
-    text = measured(args.data, network)
+    text = measured(args.data, network, args.split)
     if args.write is None:
         print(text)  # noqa: T201
         return

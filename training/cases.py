@@ -1,7 +1,8 @@
 """Pictures to measure the network on: held-out panoramas, real cameras, and hopeless ones."""
 
+import itertools
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -12,14 +13,39 @@ from scene4d.evaluation import pets, towncentre
 from scene4d.formats.cameras import read_camera
 from scene4d.perception.orientation.grid import crop_size
 from scene4d.video.reader import open_source
-from training.panoramas import CROP_SIZE, Panorama, View, crop
+from training.layout import random_slope
+from training.panoramas import (
+    CROP_SIZE,
+    LOWEST_RAD,
+    UNLIMITED_RAD,
+    WOODED,
+    Panorama,
+    View,
+    crop,
+)
 from training.samples import sample
+from training.streets import scene_layout, street_panorama
 
 VFOV_DEG = (20, 70)
 """Vertical fields of view of the held-out crops."""
 CROPS_EACH = 24
 """Crops of one panorama."""
 PETS_FRAMES = 12
+_DRAWN_FIRST = 2 * 10**6
+"""Number of the first invented scene; training and validation draw others."""
+HILLSIDES = frozenset(
+    {
+        "gkjohnson_hilly_terrain_01",
+        "gkjohnson_phalzer_forest_01",
+        "humus_maskonaive",
+        "humus_teide",
+        "mistic100_sphere_mountain",
+        "npm-marble360_barangaroo",
+        "npm-webgl-operate_field",
+        "pmndrs_forest_slope",
+    }
+)
+"""Held-out panoramas whose ground slopes or whose skyline is not level, chosen by eye."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,19 +61,57 @@ def held_out(panoramas: list[Panorama], seed: int, *, each: int = CROPS_EACH) ->
     """Undegraded crops: field of view 20-70°, tilt -10 to 50°, roll of 4° and up to 15°."""
     for panorama in panoramas:
         rng = np.random.default_rng([seed, *panorama.name.encode()])
-        made = 0
-        while made < each:
-            vfov = np.radians(np.exp(rng.uniform(*np.log(VFOV_DEG))))
-            tilt = np.radians(rng.uniform(-10, 50))
-            # The middle of the picture lies not more than 10 degrees above the horizon.
-            if tilt + vfov / 2 > panorama.lowest_rad:
-                continue
-            roll = np.radians(np.clip(rng.normal(0, 5), -15, 15))
-            view = View(float(vfov), float(tilt), float(roll), rng.uniform(0, 2 * np.pi))
-            # Larger than the network's input, as real pictures are.
-            picture = crop(panorama, view, (2 * CROP_SIZE[0], 2 * CROP_SIZE[1]))
-            yield Case(panorama.name, picture, np.array([roll, tilt, vfov]))
-            made += 1
+        for _ in range(each):
+            yield _case(panorama, _view(rng, (-10, 50), min(panorama.lowest_rad, LOWEST_RAD)))
+
+
+def steep(panoramas: list[Panorama], seed: int, *, each: int = CROPS_EACH) -> Iterator[Case]:
+    """Likewise with a tilt of 40 to 70°, of panoramas that are clean straight down."""
+    for panorama in panoramas:
+        rng = np.random.default_rng([seed, 1, *panorama.name.encode()])
+        if panorama.lowest_rad == UNLIMITED_RAD:
+            for _ in range(each):
+                yield _case(panorama, _view(rng, (40, 70), panorama.lowest_rad))
+
+
+def wooded_slopes(panoramas: list[Panorama], seed: int, *, each: int = 36) -> Iterator[Case]:
+    """Wooded places made to slope by 3-20°, their trees upright; tilt -10 to 50°."""
+    for panorama in panoramas:
+        rng = np.random.default_rng([seed, 2, *panorama.name.encode()])
+        if panorama.name in WOODED:
+            for _ in range(each):
+                view = _view(rng, (-10, 50), panorama.lowest_rad)
+                yield _case(panorama, replace(view, slope=random_slope(rng)))
+
+
+def drawn_slopes(panoramas: list[Panorama], seed: int, *, scenes: int = 15) -> Iterator[Case]:
+    """Invented scenes on slopes of more than 5° below the skies of these panoramas."""
+    backdrops = [panorama for panorama in panoramas if panorama.outdoors]
+    found = 0
+    for number in itertools.count(_DRAWN_FIRST):
+        if np.hypot(*scene_layout(number).slope) < np.tan(np.radians(5)):
+            continue
+        scene = street_panorama(number, backdrops)
+        yield from held_out([scene], seed, each=12)
+        found += 1
+        if found == scenes:
+            return
+
+
+def _view(rng: np.random.Generator, tilt_deg: tuple[float, float], lowest_rad: float) -> View:
+    while True:
+        vfov = np.radians(np.exp(rng.uniform(*np.log(VFOV_DEG))))
+        tilt = np.radians(rng.uniform(*tilt_deg))
+        if tilt + vfov / 2 <= lowest_rad:
+            break
+    roll = np.radians(np.clip(rng.normal(0, 5), -15, 15))
+    return View(float(vfov), float(tilt), float(roll), rng.uniform(0, 2 * np.pi))
+
+
+def _case(panorama: Panorama, view: View) -> Case:
+    # Larger than the network's input, as real pictures are.
+    picture = crop(panorama, view, (2 * CROP_SIZE[0], 2 * CROP_SIZE[1]))
+    return Case(panorama.name, picture, np.array([view.roll_rad, view.tilt_rad, view.vfov_rad]))
 
 
 def degraded_like_training(panoramas: list[Panorama], seed: int, count: int) -> Iterator[Case]:
@@ -95,7 +159,7 @@ def real_cameras(data: Path) -> Iterator[tuple[str, list[Case]]]:
 
 
 def hopeless(panoramas: list[Panorama]) -> Iterator[tuple[str, np.ndarray]]:
-    """Pictures that tell nothing about a camera, or lie on their side."""
+    """Pictures that tell nothing about a camera."""
     rng = np.random.default_rng(3)
     size = (480, 640, 3)
     yield "black", np.zeros(size, np.uint8)
@@ -107,7 +171,13 @@ def hopeless(panoramas: list[Panorama]) -> Iterator[tuple[str, np.ndarray]]:
     sample_case = next(held_out(panoramas[:1], 9))
     whole = sample_case.picture_bgr
     yield "tiny (43x32)", cv2.resize(whole, (43, 32), interpolation=cv2.INTER_AREA)
-    for turns, name in ((1, "left"), (2, "over"), (3, "right")):
-        for n, panorama in enumerate(panoramas[:6]):
-            case = next(held_out([panorama], 10))
-            yield f"turned {name} {n + 1}", np.ascontiguousarray(np.rot90(case.picture_bgr, turns))
+
+
+def turned(panoramas: list[Panorama], seed: int, *, each: int = 6) -> Iterator[Case]:
+    """Held-out crops on their left side, upside down, and on their right side in turn.
+
+    Their roll lies outside of the grid; the truth is that of the crop before it was turned.
+    """
+    for n, case in enumerate(held_out(panoramas, seed, each=each)):
+        picture = np.ascontiguousarray(np.rot90(case.picture_bgr, 1 + n % 3))
+        yield Case(case.name, picture, case.truth_rad)

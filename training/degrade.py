@@ -10,7 +10,7 @@ def degraded(picture: np.ndarray, rng: Rng) -> np.ndarray:
     """A random chain of light, weather, lens, recorder and overlay; a third stay almost as good."""
     out = picture.astype(np.float32)
     if rng.random() < 0.35:
-        out = resampled(out, rng, worst=0.5)
+        out = _defocused(resampled(out, rng, worst=0.5), rng)
         out = out + rng.normal(0, rng.uniform(0, 3), out.shape).astype(np.float32)
         return np.clip(out, 0, 255).astype(np.uint8)
     out = _light(out, rng)
@@ -20,7 +20,7 @@ def degraded(picture: np.ndarray, rng: Rng) -> np.ndarray:
         out = _night(out, rng)
     if rng.random() < 0.08:
         out = _rain(out, rng)
-    out = resampled(out, rng)
+    out = _defocused(resampled(out, rng), rng)
     if rng.random() < 0.12:
         out = _smeared(out, rng)
     out = out + rng.normal(0, 1, out.shape).astype(np.float32) * _log_uniform(rng, 0.5, 10)
@@ -55,6 +55,13 @@ def resampled(picture: np.ndarray, rng: Rng, worst: float = 0.27) -> np.ndarray:
         amount = rng.uniform(0.3, 1.5)
         out = out + amount * (out - cv2.GaussianBlur(out, (0, 0), rng.uniform(0.8, 2.5)))
     return out
+
+
+def _defocused(picture: np.ndarray, rng: Rng) -> np.ndarray:
+    """Out of focus by up to 3 pixels, in three of ten pictures, wide ones as often as narrow."""
+    if rng.random() >= 0.3:
+        return picture
+    return cv2.GaussianBlur(picture, (0, 0), _log_uniform(rng, 0.6, 3.0))
 
 
 def _log_uniform(rng: Rng, low: float, high: float) -> float:

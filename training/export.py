@@ -13,6 +13,7 @@ import torch
 from onnx import TensorProto, helper, numpy_helper
 
 from training.model import OrientationNet
+from training.packaged import folded
 from training.panoramas import CROP_SIZE
 
 _LARGE = 1024
@@ -32,6 +33,8 @@ def export(checkpoint: Path, out: Path) -> None:
     """Raises :class:`ArithmeticError` where ONNX and torch disagree."""
     net = OrientationNet()
     state = torch.load(checkpoint, map_location="cpu", weights_only=True)
+    if "features.0.0.bias" in state["average"]:
+        net = folded(net)
     net.load_state_dict(state["average"])
     net.eval()
     rng = np.random.default_rng(0)

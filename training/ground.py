@@ -23,7 +23,7 @@ class GroundPicture:
     levels: list[tuple[float, np.ndarray]]
 
     def levels_for(self, wanted_m: np.ndarray) -> Iterator[tuple[int, np.ndarray]]:
-        """Which level each of the wanted resolutions (n,) takes: pairs of a level and a mask."""
+        """Which level each of the wanted resolutions takes: pairs of a level and a mask."""
         sizes = np.array([metres for metres, _ in self.levels])
         taken = np.clip(np.searchsorted(sizes, wanted_m, side="right") - 1, 0, len(sizes) - 1)
         for level in np.unique(taken):

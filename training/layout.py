@@ -3,12 +3,14 @@
 The camera's foot is the origin; x and y lie on the ground, z is up.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 Rng = np.random.Generator
 KINDS = ("street", "car park", "square", "lawn")
+SLOPED_SHARE = 0.33
+"""Of the scenes: enough that the ground alone does not tell which way is up."""
 
 
 @dataclass(eq=False)
@@ -63,6 +65,21 @@ class Layout:
     sun: np.ndarray | None
     boxes: list[Box] = field(default_factory=list)
     balls: list[Ball] = field(default_factory=list)
+    slope: tuple[float, float] = (0.0, 0.0)
+    """Rise of the ground per metre along x and y; z of boxes and balls is above the ground."""
+
+    def rise_m(self, xy_m: np.ndarray) -> np.ndarray:
+        """Height (n,) of the ground at places (n, 2), above that at the camera's foot."""
+        return xy_m @ np.array(self.slope)
+
+    def standing(self, box: Box) -> Box:
+        """A house as it stands on a slope: level, and reaching down to the ground on all sides."""
+        rises = self.rise_m(box.footprint())
+        return replace(
+            box,
+            bottom_m=box.bottom_m + float(rises.min()),
+            top_m=box.top_m + float(rises.mean()) + float(np.ptp(rises)) / 2,
+        )
 
     def place(self, along_m: float, across_m: float) -> tuple[float, float]:
         """From coordinates along and across the scene's main axis to x and y."""
@@ -75,7 +92,7 @@ class Layout:
 
 
 def invent_layout(rng: Rng) -> Layout:
-    """A random scene with a camera at 2.5-15 m (now and then at a hand's height)."""
+    """A random scene with a camera at 2.2-15 m; a third of them on a slope."""
     elevation, azimuth = rng.uniform(0.25, 1.3), rng.uniform(0, 2 * np.pi)
     sun = np.array([np.sin(azimuth), np.cos(azimuth), np.tan(elevation)])
     layout = Layout(
@@ -90,7 +107,15 @@ def invent_layout(rng: Rng) -> Layout:
     _add_cars(layout, rng)
     _add_people(layout, rng)
     _add_furniture(layout, rng)
+    if rng.random() < SLOPED_SHARE:
+        layout.slope = random_slope(rng)
     return layout
+
+
+def random_slope(rng: Rng) -> tuple[float, float]:
+    """Rise per metre along two axes, of a slope of 3-20° in any direction."""
+    steep, direction = np.tan(np.radians(rng.uniform(3, 20))), rng.uniform(0, 2 * np.pi)
+    return float(steep * np.cos(direction)), float(steep * np.sin(direction))
 
 
 def _shade(rng: Rng, low: float = 30, high: float = 230) -> np.ndarray:

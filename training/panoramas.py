@@ -22,18 +22,60 @@ CELLS = (CROP_SIZE[0] // 16, CROP_SIZE[1] // 16)
 SPLITS = ("train", "validation", "test")
 _SHARES = (0.72, 0.86)
 _NEIGHBOUR = re.compile(r"[\d_]*\d$")
-# Hands, helmets and a tripod under the camera, seen by eye: nothing below this is looked at.
+LOWEST_RAD = np.radians(75.0)
+"""The steepest ray of a crop below the horizon where what lies under the camera is no picture."""
+# Hands, helmets, a tripod or a smear under the camera, seen by eye: nothing below this is looked
+# at. All other panoramas are clean straight down.
 _LOWEST_RAD = {
+    "googlearchive_chichen_itza": LOWEST_RAD,
+    "googlearchive_christ_redeemer": 0.7,
+    "googlearchive_machu_picchu": 0.9,
+    "googlearchive_petra": 0.9,
+    "googlearchive_taj_mahal": 0.7,
     "npm-marble360_house_landing": 0.6,
     "npm-marble360_opera_house_night": 0.6,
     "npm-pannellum-2-4-1_backyard": 0.9,
+    "npm-pannellum-2-4-1_foyer": 1.2,
+    "npm-react-native-panorama_lawn_house": LOWEST_RAD,
+    "pypi-geovisio_forest_path": 0.9,
     "pypi-geovisio_street1": 0.7,
     "pypi-geovisio_street2": 0.7,
     "pypi-geovisio_street3": 0.7,
     "pypi-geovisio_street4": 0.7,
 }
-LOWEST_RAD = np.radians(75.0)
-"""The steepest ray of a crop below the horizon, elsewhere."""
+UNLIMITED_RAD = np.pi
+"""A crop may look straight down, and past it."""
+WOODED = frozenset(
+    {
+        "0beqz_blue_grotto",
+        "0beqz_crystal_falls",
+        "deb-blender-data_ninomaru_teien",
+        "gameknife_sunset_fairway",
+        "gbvibecoder_noon_grass",
+        "gkjohnson_narrow_moonlit_road",
+        "gkjohnson_phalzer_forest_01",
+        "happy358_je_gray_02",
+        "happy358_rainforest_trail",
+        "happy358_spaichingen_hill",
+        "happy358_sunny_vondelpark",
+        "happy358_tiergarten",
+        "happy358_turning_area",
+        "happy358_xanderklinge",
+        "humus_park",
+        "immersive-web_eilenriede-park",
+        "naver_dry_hay_field",
+        "naver_evening_meadow",
+        "naver_london_park",
+        "npm-hyperfy-client_park_parking",
+        "pmndrs_forest_slope",
+        "pmndrs_immenstadter_horn",
+        "pypi-geovisio_forest_path",
+        "tresjs_mossy_forest",
+        "tresjs_snowy_forest_path_01",
+    }
+)
+"""Places with trees and without houses or a far horizon, chosen by eye: sheared along the vertical,
+so that their ground slopes and their trees stay upright, they are hillsides (:class:`View`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +84,7 @@ class Panorama:
 
     name: str
     levels: tuple[np.ndarray, ...]
-    lowest_rad: float = LOWEST_RAD
+    lowest_rad: float = UNLIMITED_RAD
     outdoors: bool = True
 
     @classmethod
@@ -50,7 +92,7 @@ class Panorama:
         cls,
         name: str,
         picture_bgr: np.ndarray,
-        lowest_rad: float = LOWEST_RAD,
+        lowest_rad: float = UNLIMITED_RAD,
         outdoors: bool = True,
     ) -> "Panorama":
         """With levels of half the size each, down to 512 pixels."""
@@ -94,13 +136,18 @@ def read_panoramas(folder: Path, split: str) -> list[Panorama]:
         if picture is None:
             raise FileNotFoundError(folder / name)
         stem = Path(name).stem
-        found.append(Panorama.of(stem, picture, _LOWEST_RAD.get(stem, LOWEST_RAD), outdoors[name]))
+        lowest_rad = _LOWEST_RAD.get(stem, UNLIMITED_RAD)
+        found.append(Panorama.of(stem, picture, lowest_rad, outdoors[name]))
     return found
 
 
 @dataclass(frozen=True)
 class View:
-    """A camera inside a panorama: angles in radians, ``k1`` of the lens at the image's corner."""
+    """A camera inside a panorama: angles in radians, ``k1`` of the lens at the image's corner.
+
+    ``slope``: rise of the ground per metre to the camera's right and ahead. The world is sheared
+    along the vertical: what is upright stays upright, and what is level slopes.
+    """
 
     vfov_rad: float
     tilt_rad: float
@@ -108,6 +155,7 @@ class View:
     heading_rad: float
     k1: float = 0.0
     mirrored: bool = False
+    slope: tuple[float, float] = (0.0, 0.0)
 
 
 def pixel_rays(view: View, size: tuple[int, int] = CROP_SIZE) -> np.ndarray:
@@ -127,7 +175,8 @@ def crop(panorama: Panorama, view: View, size: tuple[int, int] = CROP_SIZE) -> n
     cam_from_world = rotation_from_tilt_roll(view.tilt_rad, view.roll_rad)
     world = pixel_rays(view, size).astype(np.float32) @ cam_from_world.astype(np.float32)
     azimuth = np.arctan2(world[..., 0], world[..., 1]) + view.heading_rad
-    elevation = np.arctan2(world[..., 2], np.hypot(world[..., 0], world[..., 1]))
+    risen = world[..., :2] @ np.array(view.slope, np.float32)
+    elevation = np.arctan2(world[..., 2] - risen, np.hypot(world[..., 0], world[..., 1]))
     level = panorama.level(size[1] / view.vfov_rad)
     rows, columns = level.shape[:2]
     u = np.mod(azimuth / (2 * np.pi), 1.0) * columns - 0.5

@@ -63,9 +63,18 @@ class _Canvas:
         return np.arange(int(top), int(bottom)), columns
 
 
+def _scene_rng(seed: int) -> Rng:
+    return np.random.default_rng([seed, 0x57])
+
+
+def scene_layout(seed: int) -> Layout:
+    """What stands in the scene of a seed."""
+    return invent_layout(_scene_rng(seed))
+
+
 def street_panorama(seed: int, backdrops: list[Panorama], size: tuple[int, int] = SIZE) -> Panorama:
     """The scene of a seed; the sky is that of one of the ``backdrops``, or a plain one."""
-    rng = np.random.default_rng([seed, 0x57])
+    rng = _scene_rng(seed)
     layout = invent_layout(rng)
     canvas = _Canvas(*size)
     _paint_sky(canvas, backdrops, rng)
@@ -76,7 +85,7 @@ def street_panorama(seed: int, backdrops: list[Panorama], size: tuple[int, int] 
         _paint_ball(canvas, ball, layout, rng)
     _paint_haze(canvas, rng)
     picture = np.clip(canvas.colour, 0, 255).astype(np.uint8)
-    return Panorama.of(f"street-{seed}", picture, np.radians(88.0))
+    return Panorama.of(f"street-{seed}", picture)
 
 
 def _paint_sky(canvas: _Canvas, backdrops: list[Panorama], rng: Rng) -> None:
@@ -93,30 +102,41 @@ def _paint_sky(canvas: _Canvas, backdrops: list[Panorama], rng: Rng) -> None:
 
 
 def _paint_ground(canvas: _Canvas, layout: Layout, ground: GroundPicture) -> None:
-    first = int(np.argmax(canvas.sin_elevation < -1e-3))
+    azimuths = np.stack([canvas.sin_azimuth, canvas.cos_azimuth], axis=-1)
+    rise = layout.rise_m(azimuths).astype(np.float32)
+    falls = canvas.cos_elevation[:, None] * rise - canvas.sin_elevation[:, None]
+    first = int(np.argmax((falls > 1e-3).any(axis=1)))
+    falls = np.maximum(falls[first:], 1e-3)
+    distance = layout.camera_height_m / falls
+    reach = distance * canvas.cos_elevation[first:, None]
+    seen = reach < 400
+    across_m = distance / canvas.width * 2 * np.pi
+    wanted_m = across_m / np.sqrt(falls)  # along the ray a pixel covers more
     rows = np.arange(first, canvas.height)
-    reach = layout.camera_height_m * canvas.cos_elevation[rows] / -canvas.sin_elevation[rows]
-    rows, reach = rows[reach < 400], reach[reach < 400]
-    # Pixels of one row lie at one distance: one level of detail a row.
-    across_m = (
-        layout.camera_height_m / np.abs(canvas.sin_elevation[rows]) / canvas.width * 2 * np.pi
-    )
-    along_m = across_m / np.abs(canvas.sin_elevation[rows])
-    for level, (chosen) in ground.levels_for(np.sqrt(across_m * along_m)):
-        part = rows[chosen]
-        x = reach[chosen, None] * canvas.sin_azimuth[None, :]
-        y = reach[chosen, None] * canvas.cos_azimuth[None, :]
-        canvas.colour[part] = ground.look_up(level, x, y)
-    canvas.distance[rows] = np.hypot(reach, layout.camera_height_m)[:, None]
+    for level, chosen in ground.levels_for(wanted_m):
+        chosen &= seen
+        part = np.flatnonzero(chosen.any(axis=1))
+        x, y = reach[part] * canvas.sin_azimuth, reach[part] * canvas.cos_azimuth
+        colour = ground.look_up(level, x, y)
+        inside = chosen[part]
+        painted = canvas.colour[rows[part]]
+        painted[inside] = colour[inside]
+        canvas.colour[rows[part]] = painted
+    canvas.distance[first:][seen] = distance[seen]
 
 
 def _paint_box(canvas: _Canvas, box: Box, layout: Layout) -> None:
+    """A house stands level on a slope; everything else is sheared with the ground."""
+    slope = np.float32(layout.slope)
+    if box.surface == "facade":
+        box, slope = layout.standing(box), np.zeros(2, np.float32)
     corners = box.corners()
-    corners[:, 2] -= layout.camera_height_m
+    corners[:, 2] += corners[:, :2] @ slope - layout.camera_height_m
     rows, columns = canvas.window(corners)
     if not len(rows):
         return
     x, y, z = canvas.rays(rows, columns)
+    z = z - slope[0] * x - slope[1] * y
     c, s = np.cos(box.yaw_rad), np.sin(box.yaw_rad)
     ray = np.stack([c * x + s * y, -s * x + c * y, z])
     start = np.array(
@@ -147,7 +167,8 @@ def _paint_box(canvas: _Canvas, box: Box, layout: Layout) -> None:
 
 def _paint_ball(canvas: _Canvas, ball: Ball, layout: Layout, rng: Rng) -> None:
     """A tree's crown: a ball with a ragged edge."""
-    centre = np.array([ball.x_m, ball.y_m, ball.z_m - layout.camera_height_m])
+    place = np.array([ball.x_m, ball.y_m])
+    centre = np.append(place, ball.z_m + layout.rise_m(place) - layout.camera_height_m)
     reach = np.linalg.norm(centre)
     if np.hypot(*centre[:2]) < 1.3 * ball.radius_m:
         return

@@ -1,7 +1,8 @@
 """Train the orientation network: ``python -m training.train --panoramas DIR --backbone FILE``.
 
-The schedule follows the clock (``--minutes``), so that a busy machine ends in time; training goes
-on from its checkpoint after a kill. The learning curve is ``curve.jsonl`` beside the checkpoint.
+With ``--start FILE`` a packaged network goes on learning instead. The schedule follows the clock
+(``--minutes``), so that a busy machine ends in time; training goes on from its checkpoint after a
+kill. The learning curve is ``curve.jsonl`` beside the checkpoint.
 """
 
 import argparse
@@ -21,26 +22,33 @@ from torch.utils.data import DataLoader
 from training.data import Samples
 from training.loss import WEIGHTS, losses
 from training.model import OrientationNet, load_backbone
+from training.packaged import load_packaged
 from training.panoramas import Panorama, read_panoramas
 from training.scoring import median_errors
 from training.streets import street_panorama
 
 EPOCH_SAMPLES = 8000
-STREETS = 128
+STREETS = 96
 """Invented scenes in use at a time."""
-FRESH_STREETS = 16
+FRESH_STREETS = 12
 """How many of them are replaced every epoch."""
 VALIDATION_STREETS = range(10**6, 10**6 + 24)
 VALIDATION_SAMPLES = 768
 _EMA = 0.998
 _WARM_UP = 0.03
+_PEAK_RATES = (6e-4, 1.5e-3)
+"""Of the pretrained layers and of the new ones."""
+_GO_ON = 0.25
+"""Share of these rates where a packaged network goes on; chosen by hand."""
 
 
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--panoramas", type=Path, required=True, help="folder with SOURCES.csv")
-    parser.add_argument("--backbone", type=Path, required=True, help="MobileNetV2 weights (.pth)")
+    start = parser.add_mutually_exclusive_group(required=True)
+    start.add_argument("--backbone", type=Path, help="MobileNetV2 weights (.pth)")
+    start.add_argument("--start", type=Path, help="a packaged network (.onnx) to go on from")
     parser.add_argument("--out", type=Path, default=Path("out/orientation"))
     parser.add_argument("--minutes", type=float, default=150.0)
     parser.add_argument("--batch", type=int, default=32)
@@ -88,16 +96,23 @@ def _one_thread(_: int = 0) -> None:
 class Training:
     """Network, its running average, optimiser, and how far they are."""
 
-    def __init__(self, backbone: Path, device: torch.device, seed: int):
-        torch.manual_seed(seed)
+    def __init__(self, args: argparse.Namespace, device: torch.device):
+        torch.manual_seed(args.seed)
         self.device = device
-        self.net = OrientationNet()
-        load_backbone(self.net, torch.load(backbone, map_location="cpu", weights_only=True))
+        if args.start:
+            self.net, share = load_packaged(args.start), _GO_ON
+        else:
+            self.net, share = OrientationNet(), 1.0
+            weights = torch.load(args.backbone, map_location="cpu", weights_only=True)
+            load_backbone(self.net, weights)
         self.net.to(device, memory_format=torch.channels_last)
         pretrained = [p for p in self.net.features.parameters() if p.requires_grad]
         features = {id(p) for p in self.net.features.parameters()}
         new = [p for p in self.net.parameters() if id(p) not in features]
-        groups = [{"params": pretrained, "peak": 6e-4}, {"params": new, "peak": 1.5e-3}]
+        groups = [
+            {"params": parameters, "peak": share * peak}
+            for parameters, peak in zip((pretrained, new), _PEAK_RATES, strict=True)
+        ]
         self.optimiser = torch.optim.AdamW(groups, lr=1e-3, weight_decay=0.01)
         self.average = {name: value.clone() for name, value in self.net.state_dict().items()}
         self.epoch, self.step, self.seconds = 0, 0, 0.0
@@ -162,7 +177,7 @@ def train(args: argparse.Namespace) -> None:
     cv2.setNumThreads(1)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     args.out.mkdir(parents=True, exist_ok=True)
-    training = Training(args.backbone, device, args.seed)
+    training = Training(args, device)
     checkpoint = args.out / "checkpoint.pt"
     if checkpoint.exists():
         training.load(checkpoint)

@@ -4,6 +4,7 @@ Only what needs no torch: panoramas, invented streets, and the samples made of t
 """
 
 import csv
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from training.degrade import degraded
 from training.fields import field_belief
+from training.ground import draw_ground
 from training.layout import Box, Layout, invent_layout
 from training.panoramas import (
     CELLS,
@@ -25,7 +27,7 @@ from training.panoramas import (
     split_of,
 )
 from training.samples import sample
-from training.streets import _Canvas, _paint_box, street_panorama
+from training.streets import _Canvas, _paint_box, _paint_ground, street_panorama
 
 from scene4d.core.camera import Camera
 
@@ -135,6 +137,62 @@ def test_a_rendered_box_lies_where_the_camera_projects_it():
     union, both = (seen | (drawn > 0)).sum(), (seen & (drawn > 0)).sum()
     assert union > 400
     assert both / union > 0.93
+
+
+def test_a_sheared_world_slopes_and_its_uprights_stay_upright():
+    """A place on the slope, and one above it, show what stood level there."""
+    slope = np.array([0.2, -0.1])
+    view = View(np.radians(50), np.radians(20), np.radians(6), 1.1, slope=tuple(slope))
+    camera, picture = camera_of(view), crop(DIRECTIONS, view).astype(float) / 127.5 - 1
+    for right, ahead in ((0.0, 3.0), (0.8, 4.0), (-1.0, 6.0)):
+        rise = slope @ [right, ahead]
+        for above in (0.0, 0.3):
+            (uv,), _ = camera.project(np.array([[right, ahead, rise + above]]))
+            u, v = np.round(uv).astype(int)
+            level = np.array([right, ahead, above - 1.0])  # as seen from one metre up
+            c, s = np.cos(view.heading_rad), np.sin(view.heading_rad)
+            turned = [c * level[0] + s * level[1], c * level[1] - s * level[0], level[2]]
+            np.testing.assert_allclose(picture[v, u], turned / np.linalg.norm(turned), atol=0.02)
+
+
+@pytest.mark.parametrize("surface", ["plain", "facade"])
+def test_boxes_stand_on_sloping_ground(surface):
+    """People slope with the ground at their feet, houses are level and reach down to it."""
+    box = Box(2.0, 13.0, 0.4, 2.0, 0.9, 0.0, 1.6, surface, np.full(3, 255.0, np.float32))
+    layout = Layout("street", 6.0, 0.0, 5.0, 8.0, None, [box], slope=(0.15, 0.2))
+    canvas = _Canvas(4096, 2048)
+    _paint_box(canvas, box, layout)
+    lit = np.isfinite(canvas.distance)
+    rows, columns = np.nonzero(lit)
+    x, y, z = (
+        part[rows, columns] * canvas.distance[lit]
+        for part in np.broadcast_arrays(*canvas.rays(np.arange(2048), np.arange(4096)))
+    )
+    ground = layout.rise_m(np.column_stack([x, y]))
+    height = z + 6.0 - ground
+    if surface == "plain":
+        assert height.min() == pytest.approx(0.0, abs=0.03)
+        assert height.max() == pytest.approx(1.6, abs=0.03)
+    else:
+        assert (z + 6.0).max() == pytest.approx(layout.standing(box).top_m, abs=0.03)
+        assert height.min() < 0 and (z + 6.0).max() > ground.max() + 1.0
+
+
+def test_a_slope_is_painted_where_it_lies():
+    """The ground's colours are those of the level drawing, at the same places seen from above."""
+    layout = invent_layout(np.random.default_rng(4))
+    level, sloping = (_Canvas(720, 360) for _ in range(2))
+    ground = draw_ground(layout, [], np.random.default_rng(1))
+    _paint_ground(level, replace(layout, slope=(0.0, 0.0)), ground)
+    _paint_ground(sloping, replace(layout, slope=(0.3, 0.0)), ground)
+    rows, columns = np.arange(360), np.arange(720)
+    x, _, z = np.broadcast_arrays(*sloping.rays(rows, columns))
+    hit = np.isfinite(sloping.distance)
+    height = (z * sloping.distance)[hit] + layout.camera_height_m
+    np.testing.assert_allclose(height, 0.3 * (x * sloping.distance)[hit], atol=1e-3)
+    # Ahead, where the slope's ground is as high as the foot, nothing has changed.
+    np.testing.assert_allclose(sloping.distance[200:, 0], level.distance[200:, 0], rtol=0.02)
+    assert hit[:180].any(), "uphill, the ground reaches above the horizon"
 
 
 def test_a_street_has_a_level_ground_below_and_sky_above():
