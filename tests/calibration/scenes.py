@@ -47,11 +47,11 @@ def half_diagonal(camera: Camera) -> float:
 
 
 def parameters_of(camera: Camera) -> np.ndarray:
-    """The solver's five parameters of a camera without tangential distortion."""
+    """The solver's parameters of a camera without tangential distortion."""
     focal = camera.K[0, 0] / half_diagonal(camera)
     corner = camera.distortion[0] / focal**2
     return np.array(
-        [np.log(focal), camera.tilt_rad, camera.roll_rad, np.log(camera.height_m), corner]
+        [np.log(focal), camera.tilt_rad, camera.roll_rad, np.log(camera.height_m), corner, 0, 0]
     )
 
 

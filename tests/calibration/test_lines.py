@@ -54,7 +54,16 @@ def full_parameters(camera: Camera, azimuth: float) -> np.ndarray:
     focal = camera.focal_px / half_diagonal(camera)
     corner = camera.distortion[0] / focal**2
     return np.array(
-        [np.log(focal), camera.tilt_rad, camera.roll_rad, np.log(camera.height_m), corner, azimuth]
+        [
+            np.log(focal),
+            camera.tilt_rad,
+            camera.roll_rad,
+            np.log(camera.height_m),
+            corner,
+            0,
+            0,
+            azimuth,
+        ]
     )
 
 
@@ -78,8 +87,8 @@ def test_derivatives_agree_with_central_differences(camera, azimuth, seed):
     p = full_parameters(camera, azimuth)
     found = line_terms(p, lines)
     step = 1e-6
-    for index in range(6):
-        ends = [line_terms(p + s * step * np.eye(6)[index], lines) for s in (-1, 1)]
+    for index in range(8):
+        ends = [line_terms(p + s * step * np.eye(8)[index], lines) for s in (-1, 1)]
         # Where the nearest direction changes there is no derivative.
         smooth = np.abs(ends[1].residual - ends[0].residual) < 0.5
         numeric = (ends[1].residual - ends[0].residual) / (2 * step)
@@ -89,8 +98,8 @@ def test_derivatives_agree_with_central_differences(camera, azimuth, seed):
         )
     # The weights are those of the cost: half its gradient is what the normal equations use.
     gradient = found.derivative @ (found.weight * found.residual)
-    for index in range(6):
-        ends = [line_terms(p + s * 1e-7 * np.eye(6)[index], lines).cost for s in (-1, 1)]
+    for index in range(8):
+        ends = [line_terms(p + s * 1e-7 * np.eye(8)[index], lines).cost for s in (-1, 1)]
         assert gradient[index] == pytest.approx((ends[1] - ends[0]) / 4e-7, rel=1e-3, abs=1e-2)
 
 
@@ -125,7 +134,7 @@ def test_edges_of_a_town_miss_nothing_at_the_truth(camera, seed):
     assert (
         pytest.approx(
             min(
-                (a % (np.pi / 2) for a in best_azimuths(full_parameters(camera, 0.0)[:5], lines)),
+                (a % (np.pi / 2) for a in best_azimuths(full_parameters(camera, 0.0)[:7], lines)),
                 key=lambda a: abs(a - AZIMUTH),
             ),
             abs=np.radians(1.6),
@@ -143,8 +152,8 @@ def test_a_town_pulls_a_biased_prior_to_the_truth(seed):
     camera = build_camera(build_lens((1920, 1080), 60.0), 22.0, 3.0, 7.0)
     rng = np.random.default_rng(seed)
     truth = full_parameters(camera, AZIMUTH)
-    sigma = np.array([0.2, np.radians(4), np.radians(4), 0.3, 0.0])
-    biased = Prior(truth[:5] + sigma * [1, -1, 1, 0, 0], sigma)
+    sigma = np.array([0.2, np.radians(4), np.radians(4), 0.3, 0.0, 0.0, 0.0])
+    biased = Prior(truth[:7] + sigma * [1, -1, 1, 0, 0, 0, 0], sigma)
     lines = in_frame(camera, town(camera, 300, rng))
     problem = Problem(nobody(), np.empty(0, int), np.empty(0), 1.7, biased, lines)
     start = State(biased.mean, np.empty(0), Noise())
@@ -158,8 +167,8 @@ def test_a_town_pulls_a_biased_prior_to_the_truth(seed):
         for azimuth in best_azimuths(start.parameters, lines)
     ]
     found = min(candidates, key=lambda state: linearise(problem, state).cost)
-    before = np.abs(biased.mean - truth[:5])[:3]
-    after = np.abs(found.parameters - truth[:5])[:3]
+    before = np.abs(biased.mean - truth[:7])[:3]
+    after = np.abs(found.parameters - truth[:7])[:3]
     assert (after < 0.35 * before).all(), after / before
     assert found.parameters[3] == pytest.approx(truth[3], abs=1e-9)  # lines know no metres
 

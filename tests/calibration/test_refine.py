@@ -10,6 +10,7 @@ from scenes import Scene, draw_scene, parameters_of, solver_points
 from test_lines import chaos, in_frame, town
 
 from scene4d import solve_camera
+from scene4d.calibration._body import N_PARAMETERS
 from scene4d.calibration._joint import position_weights, solve
 from scene4d.calibration._prior import Prior, default_prior
 from scene4d.calibration._refine import Noise, Problem, State, linearise, minimise, normal_equations
@@ -33,14 +34,14 @@ def mixed_problem(seed: int) -> tuple[Problem, State]:
     lines = np.vstack([town(scene.camera, 12, rng), chaos(scene.camera, 12, rng)])
     problem = problem_of(
         scene,
-        default_prior(estimate_distortion=True),
+        default_prior(estimate_distortion=True, centre_sigma=0.05),
         box=rng.random(60) < 0.4,
         lines=in_frame(scene.camera, lines),
     )
     track = problem.track.copy()
     track[:10] = 1000 + np.arange(10)  # seen once
     problem = replace(problem, track=np.unique(track, return_inverse=True)[1])
-    off = np.array([0.05, 0.02, 0.01, 0.05, 0.01]) * rng.normal(size=5)
+    off = np.array([0.05, 0.02, 0.01, 0.05, 0.01, 0.02, 0.02]) * rng.normal(size=7)
     parameters = parameters_of(scene.camera) + off
     noise = Noise(along=0.04, across=0.05, box_along=0.06, height_m=0.08, short=0.2, stray=0.07)
     delta = rng.normal(0, 0.1, problem.n_heights)
@@ -62,13 +63,13 @@ def test_the_gradient_is_half_that_of_the_cost(seed):
 
     step = 1e-6
     scale = np.sqrt(np.diag(system.hessian)) + 1
-    for index in range(5):
-        d = step * np.eye(5)[index]
+    for index in problem.columns:
+        d = step * np.eye(N_PARAMETERS)[index]
         up, down = (replace(state, parameters=state.parameters + s * d) for s in (1, -1))
         found = slope(up, down, step)
         assert gradient[index] == pytest.approx(found, rel=2e-3, abs=2e-3 * scale[index])
     up, down = (replace(state, azimuth=state.azimuth + s * step) for s in (1, -1))
-    assert gradient[5] == pytest.approx(slope(up, down, step), rel=2e-3, abs=2e-3 * scale[5])
+    assert gradient[-1] == pytest.approx(slope(up, down, step), rel=2e-3, abs=2e-3 * scale[-1])
     # The heights too: a box's touching point is held while its person grows (test_body).
     for person in range(0, problem.n_heights, 4):
         d = step * np.eye(problem.n_heights)[person]
@@ -85,8 +86,9 @@ def test_elimination_gives_the_step_of_the_dense_system(seed):
     problem = replace(problem, lines=None)
     lin = linearise(problem, state)
     system = normal_equations(problem, state, lin)
-    t = problem.n_heights
-    dense, right = np.zeros((5 + t, 5 + t)), np.zeros(5 + t)
+    free, t = list(problem.columns), problem.n_heights
+    p, hessian = len(free), system.hessian[np.ix_(free, free)]
+    dense, right = np.zeros((p + t, p + t)), np.zeros(p + t)
     for row, person in zip(problem.tracked, problem.person, strict=True):
         assert (
             problem.track[problem.tracked][problem.person == person] == problem.track[row]
@@ -94,26 +96,24 @@ def test_elimination_gives_the_step_of_the_dense_system(seed):
     owner = dict(zip(problem.tracked.tolist(), problem.person.tolist(), strict=True))
     for i in range(len(problem.track)):
         for axis in range(2):
-            j = np.zeros(5 + t)
-            j[:5] = lin.by_parameter[:, axis, i]
+            j = np.zeros(p + t)
+            j[:p] = lin.by_parameter[:, axis, i]
             if i in owner:
-                j[5 + owner[i]] = lin.by_height[axis, i]
+                j[p + owner[i]] = lin.by_height[axis, i]
             dense += lin.weight[axis, i] * np.outer(j, j)
             right += j * lin.force[axis, i]
-    dense[:5, :5] += problem.prior.precision
-    right[:5] += problem.prior.precision @ (state.parameters - problem.prior.mean)
+    dense[:p, :p] += problem.prior.precision[np.ix_(free, free)]
+    right[:p] += (problem.prior.precision @ (state.parameters - problem.prior.mean))[free]
     stiff = lin.height_weight / state.noise.height_m**2
-    dense[5:, 5:] += np.diag(stiff)
-    right[5:] += stiff * state.delta_m
+    dense[p:, p:] += np.diag(stiff)
+    right[p:] += stiff * state.delta_m
     expected = np.linalg.solve(dense, right)
-    found = np.linalg.solve(system.hessian[:5, :5], system.gradient[:5])
-    np.testing.assert_allclose(found, expected[:5], rtol=1e-6, atol=1e-9)
-    heights = (system.height_gradient - system.coupling[:5].T @ found) / system.height_information
-    np.testing.assert_allclose(heights, expected[5:], rtol=1e-6, atol=1e-9)
+    found = np.linalg.solve(hessian, system.gradient[free])
+    np.testing.assert_allclose(found, expected[:p], rtol=1e-6, atol=1e-9)
+    heights = (system.height_gradient - system.coupling[free].T @ found) / system.height_information
+    np.testing.assert_allclose(heights, expected[p:], rtol=1e-6, atol=1e-9)
     # Marginalised, not conditional: the camera's block of the inverse.
-    np.testing.assert_allclose(
-        np.linalg.inv(system.hessian[:5, :5]), np.linalg.inv(dense)[:5, :5], rtol=1e-6
-    )
+    np.testing.assert_allclose(np.linalg.inv(hessian), np.linalg.inv(dense)[:p, :p], rtol=1e-6)
 
 
 def test_the_minimum_is_where_it_says():
@@ -151,8 +151,8 @@ def test_the_cost_falls_about_as_the_covariance_says():
                 moved = best.parameters + sign * cov[index] / sigma  # the ridge of the Gaussian
                 prior = replace(
                     problem.prior,
-                    mean=np.where(np.arange(5) == index, moved, problem.prior.mean),
-                    sigma=np.where(np.arange(5) == index, 0.0, problem.prior.sigma),
+                    mean=np.where(np.arange(N_PARAMETERS) == index, moved, problem.prior.mean),
+                    sigma=np.where(np.arange(N_PARAMETERS) == index, 0.0, problem.prior.sigma),
                 )
                 held = replace(problem, prior=prior)
                 there = replace(best, parameters=moved)

@@ -274,18 +274,14 @@ def test_the_lens_is_estimated_where_nobody_tells_it():
 
 
 def test_shared_errors_widen_what_is_stated_and_nothing_else():
-    segments = _segments(draw_scene(1, 150))
-    size = (1920, 1080)
-    plain = solve_points(segments, image_size=size, estimate_distortion=False)
-    wide = solve_points(
-        segments, image_size=size, estimate_distortion=False,
-        population_sigma_m=0.05, systematics=True,
-    )  # fmt: skip
+    scene = draw_scene(1, 150)
+    segments, size = _segments(scene), scene.camera.image_size
+    known = {"image_size": size, "lens": scene.camera.lens, "estimate_focal": True}
+    plain = solve_points(segments, **known)
+    wide = solve_points(segments, **known, population_sigma_m=0.05, systematics=True)
     np.testing.assert_array_equal(plain.camera.P, wide.camera.P)
     assert (np.diag(wide.covariance)[:4] > np.diag(plain.covariance)[:4]).all()
-    population = solve_points(
-        segments, image_size=size, estimate_distortion=False, population_sigma_m=0.05
-    )
+    population = solve_points(segments, **known, population_sigma_m=0.05)
     grown = population.covariance - plain.covariance
     assert grown[3, 3] == pytest.approx((0.05 / 1.7) ** 2, rel=1e-6)
     grown[3, 3] = 0
@@ -301,7 +297,7 @@ def test_few_tracks_on_real_footage_count_less_than_as_many_strangers(monkeypatc
     scene = draw_scene(4, 300, tracks=10)
     people, size = _segments(scene), scene.camera.image_size
     bare, real = (
-        solve_points(people, size, estimate_distortion=False, systematics=real)
+        solve_points(people, size, lens=scene.camera.lens, estimate_focal=True, systematics=real)
         for real in (False, True)
     )
     ratio = sigmas_of(real)[:3] / sigmas_of(bare)[:3]

@@ -99,7 +99,10 @@ def test_what_is_unknown_has_no_sigma(missing):
 
 
 def test_covariance_is_written_with_the_order_of_its_rows():
-    assert PARAMETERS == ("log_focal", "tilt_rad", "roll_rad", "log_height", "corner_distortion")
+    assert PARAMETERS[:5] == (
+        "log_focal", "tilt_rad", "roll_rad", "log_height", "corner_distortion"
+    )  # fmt: skip
+    assert PARAMETERS[5:] == ("principal_u", "principal_v")
     values = calibration().to_dict()["covariance"]
     assert values["parameters"] == list(PARAMETERS)
     np.testing.assert_array_equal(values["matrix"], np.diag(SIGMA**2))
@@ -249,8 +252,8 @@ def test_what_is_undetermined_is_saved_with_its_reason(tmp_path):
         Calibration.load(path)
 
 
-NEGATIVE = np.diag([1.0, 1, -1, 1, 1]).tolist()
-CROOKED = (np.eye(5) + np.eye(5, k=1)).tolist()
+NEGATIVE = np.diag([1.0, 1, -1, 1, 1, 1, 1]).tolist()
+CROOKED = (np.eye(7) + np.eye(7, k=1)).tolist()
 
 
 @pytest.mark.parametrize(
@@ -277,7 +280,7 @@ CROOKED = (np.eye(5) + np.eye(5, k=1)).tolist()
         ({"covariance": {"parameters": PARAMETERS}}, "'covariance.matrix' is missing"),
         ({"covariance": {"parameters": PARAMETERS, "matrix": NEGATIVE}}, "no negative variance"),
         ({"covariance": {"parameters": PARAMETERS, "matrix": CROOKED}}, "symmetric"),
-        ({"covariance": {"parameters": PARAMETERS, "matrix": [[1]]}}, "must be 5x5 finite numbers"),
+        ({"covariance": {"parameters": PARAMETERS, "matrix": [[1]]}}, "must be 7x7 finite numbers"),
     ],
 )
 def test_a_bad_field_is_named_with_its_file(tmp_path, change, message):

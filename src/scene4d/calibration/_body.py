@@ -12,11 +12,12 @@ of a body instead: its bottom edge touches the near rim of the body (``r_b`` bef
 the horizontal direction ``b`` in which the image's rows are crossed) and its top edge is tangent to
 the head (a sphere of radius ``r_h``, touched in the direction ``n`` at right angles to the row).
 
-Derivatives are carried along by the chain rule (forward mode): a quantity with n columns has a
-derivative with a leading axis over the parameters (log f, tilt, roll, log h, D).
+Derivatives are carried along by the chain rule (forward mode), for those parameters that are asked
+for: a quantity with n columns has a derivative with a leading axis over them.
 
-Image points are centred on the principal point and divided by half the image's diagonal, so that
-the corners lie at radius 1 and f is in that unit too. The lens is ``r_d = r_u (1 + D r_u²)``: D is
+Image points are centred on the assumed principal point and divided by half the image's diagonal,
+so that the corners lie at radius 1 and f is in that unit too; the true principal point lies at
+(cu, cv) in these coordinates. The lens is ``r_d = r_u (1 + D r_u²)``: D is
 the fraction by which the image's corner is displaced, and does not depend on the focal length.
 OpenCV's coefficient is ``k1 = D f²`` with f in half diagonals.
 """
@@ -29,8 +30,11 @@ from jaxtyping import Bool, Float
 
 from scene4d.core.body import BODY_RADIUS_M, HEAD_RADIUS_M
 
-N_PARAMETERS = 5
-FOCAL, TILT, ROLL, HEIGHT, CORNER = range(N_PARAMETERS)
+N_PARAMETERS = 7
+FOCAL, TILT, ROLL, HEIGHT, CORNER, CENTRE_U, CENTRE_V = range(N_PARAMETERS)
+"""log f, tilt, roll, log h, D, and the principal point."""
+CENTRE = slice(CENTRE_U, CENTRE_V + 1)
+ALL = tuple(range(N_PARAMETERS))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,19 +72,19 @@ class Points:
 class Prediction:
     """Predicted heads (2, n), centred and in half diagonals, with derivatives.
 
-    ``by_parameter`` is (5, 2, n) over (log f, tilt, roll, log h, D); ``by_height`` (2, n) is the
+    ``by_parameter`` is (p, 2, n) over the parameters asked for; ``by_height`` (2, n) is the
     derivative by the person's height in metres; ``valid`` is false where the foot lies at or
     above the horizon or the head behind the camera.
     """
 
     head: Float[np.ndarray, "2 n"]
-    by_parameter: Float[np.ndarray, "5 2 n"]
+    by_parameter: Float[np.ndarray, "p 2 n"]
     by_height: Float[np.ndarray, "2 n"]
     valid: Bool[np.ndarray, "n"]
 
 
 def up_vector(tilt: float, roll: float) -> tuple[np.ndarray, np.ndarray]:
-    """World's up in camera coordinates (3,), and its derivatives (5, 3) by the parameters."""
+    """World's up in camera coordinates (3,), and its derivatives (7, 3) by the parameters."""
     ct, st, cr, sr = np.cos(tilt), np.sin(tilt), np.cos(roll), np.sin(roll)
     derivative = np.zeros((N_PARAMETERS, 3))
     derivative[TILT] = (-sr * st, cr * st, -ct)
@@ -114,6 +118,18 @@ def undistort(
     return points * gain, -points * (gain * r2_u / (1 + 3 * corner * r2_u)), valid
 
 
+def undistort_jacobian(
+    points: Float[np.ndarray, "2 n"], undistorted: Float[np.ndarray, "2 n"], corner: float
+) -> tuple[Float[np.ndarray, "2 n"], Float[np.ndarray, "2 n"]]:
+    """Derivatives of :func:`undistort` by x and by y of the distorted ``points``."""
+    gain = 1 / (1 + corner * (undistorted * undistorted).sum(axis=0))
+    slope = -2 * corner * gain**3 / (1 + 3 * corner * (points * points).sum(axis=0) * gain**2)
+    by_x, by_y = slope * points[0] * points, slope * points[1] * points
+    by_x[0] += gain
+    by_y[1] += gain
+    return by_x, by_y
+
+
 def _unit(v: np.ndarray, dv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """``v / |v|`` over the first axis of (3, n), and its derivative from (p, 3, n)."""
     length = np.sqrt((v * v).sum(axis=0))
@@ -121,25 +137,42 @@ def _unit(v: np.ndarray, dv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return unit, (dv - unit * (dv * unit).sum(axis=1, keepdims=True)) / length
 
 
+@dataclass(frozen=True, eq=False)
+class _Rays:
+    """Rays through the feet, ``(x, y, 1)`` as ``xy`` (2, n), with derivatives (2, n) of those
+    parameters that move them.
+    """
+
+    xy: np.ndarray
+    by: dict[int, np.ndarray]
+    valid: np.ndarray
+
+
+def _foot_rays(parameters: np.ndarray, points: Points, columns: tuple[int, ...]) -> _Rays:
+    focal, corner, centre = np.exp(parameters[FOCAL]), parameters[CORNER], parameters[CENTRE]
+    seen = points.foot - centre[:, None] if centre.any() else points.foot
+    straight, by_corner, valid = undistort(seen, corner)
+    xy = straight / focal
+    by = {FOCAL: -xy, CORNER: by_corner / focal}
+    if CENTRE_U in columns or CENTRE_V in columns:
+        by_x, by_y = undistort_jacobian(seen, straight, corner)
+        by[CENTRE_U], by[CENTRE_V] = -by_x / focal, -by_y / focal
+    return _Rays(xy, {column: by[column] for column in by if column in columns}, valid)
+
+
 def predict_heads(
-    parameters: Float[np.ndarray, "5"],
+    parameters: Float[np.ndarray, "7"],
     points: Points,
     height_m: float | Float[np.ndarray, "n"],
+    columns: tuple[int, ...] = ALL,
 ) -> Prediction:
-    """Heads predicted from the feet, with analytic derivatives (module docstring)."""
-    log_f, tilt, roll, log_h, corner = parameters
-    focal, camera_height = np.exp(log_f), np.exp(log_h)
-    up, d_up = up_vector(tilt, roll)
-    n = points.foot.shape[1]
-    foot, foot_by_corner, valid = undistort(points.foot, corner)
-    xy = foot / focal
-    d_xy = np.stack([-xy, foot_by_corner / focal])  # by log f and by D
-
+    """Heads predicted from the feet, with derivatives by the parameters ``columns``."""
+    focal, camera_height = np.exp(parameters[FOCAL]), np.exp(parameters[HEIGHT])
+    up, d_up = up_vector(parameters[TILT], parameters[ROLL])
+    rays = _foot_rays(parameters, points, columns)
+    xy = rays.xy
     down = -(up[0] * xy[0] + up[1] * xy[1] + up[2])  # -(up · d), positive below the horizon
-    valid = valid & (down > 1e-9)
-    d_down = -(d_up[:, 0, None] * xy[0] + d_up[:, 1, None] * xy[1] + d_up[:, 2, None])
-    d_down[FOCAL] -= up[0] * d_xy[0, 0] + up[1] * d_xy[0, 1]
-    d_down[CORNER] -= up[0] * d_xy[1, 0] + up[1] * d_xy[1, 1]
+    valid = rays.valid & (down > 1e-9)
 
     foot_z: float | np.ndarray = points.foot_height_m
     top: float | np.ndarray = height_m
@@ -148,82 +181,115 @@ def predict_heads(
         top = height_m - np.where(points.from_box, HEAD_RADIUS_M, 0.0)
     clearance = camera_height - foot_z
     scale = down / clearance  # m of the module docstring
-    d_scale = d_down / clearance
-    d_scale[HEIGHT] -= scale * camera_height / clearance
+    d_scale = np.empty((len(columns), xy.shape[1]))
+    for row, column in enumerate(columns):
+        if column == HEIGHT:
+            d_scale[row] = -scale * camera_height / clearance
+        elif column in rays.by:
+            d_xy = rays.by[column]
+            d_scale[row] = -(up[0] * d_xy[0] + up[1] * d_xy[1]) / clearance
+        else:
+            turned = d_up[column]
+            d_scale[row] = -(turned[0] * xy[0] + turned[1] * xy[1] + turned[2]) / clearance
 
-    q = np.empty((3, n))
-    d_q = np.empty((N_PARAMETERS, 3, n))
-    rise = scale * (top - foot_z)
-    d_rise = d_scale * (top - foot_z)
-    for axis in range(3):
-        q[axis] = rise * up[axis]
-        d_q[:, axis] = d_rise * up[axis] + rise * d_up[:, axis, None]
+    span = np.broadcast_to(top - foot_z, down.shape)
+    q = (scale * span) * up[:, None]
     q[:2] += xy
     q[2] += 1.0
-    d_q[FOCAL, :2] += d_xy[0]
-    d_q[CORNER, :2] += d_xy[1]
-    by_height = scale * up[:, None]
+    outline = None
     if points.has_boxes:
-        _add_outline(
-            q, d_q, by_height, points.from_box, xy[1], d_xy[:, 1], up, d_up, scale, d_scale
-        )
-
+        outline = _outline(q, points.from_box, span, rays, columns, up, d_up, scale, d_scale)
+        q[:, points.from_box] = outline.q
     valid = valid & (q[2] > 1e-6)
     depth = np.where(valid, q[2], 1.0)
     uv = q[:2] / depth
-    d_uv = (d_q[:, :2] - uv * d_q[:, 2:3]) * (focal / depth)
-    h_uv = (by_height[:2] - uv * by_height[2]) * (focal / depth)
+    zoom = focal / depth
+
+    def seen(d_q: np.ndarray) -> np.ndarray:
+        return zoom * (d_q[:2] - uv * d_q[2])
+
+    at_scale = span * seen(up[:, None])
+    d_uv = at_scale * d_scale[:, None]
+    for row, column in enumerate(columns):
+        if column in rays.by:
+            d_uv[row] += zoom * rays.by[column]
+        elif column != HEIGHT:
+            d_uv[row] += (scale * span) * seen(d_up[column][:, None])
+    h_uv = scale * seen(up[:, None])
+    if outline is not None:
+        rows = points.from_box
+        away = outline.d_q[:, :2] - uv[:, rows] * outline.d_q[:, 2:3]
+        d_uv[:, :, rows], h_uv[:, rows] = zoom[rows] * away[:-1], zoom[rows] * away[-1]
     uv = uv * focal
-    d_uv[FOCAL] += uv
-    if corner == 0.0:
-        d_uv[CORNER] += uv * (uv * uv).sum(axis=0)
-    else:
-        uv, d_uv, h_uv = _distort(uv, d_uv, h_uv, corner)
+    if FOCAL in columns:
+        d_uv[columns.index(FOCAL)] += uv
+    uv, d_uv, h_uv = _on_sensor(parameters, columns, uv, d_uv, h_uv)
     return Prediction(uv, d_uv, h_uv, valid)
 
 
-def _add_outline(
-    q: np.ndarray, d_q: np.ndarray, by_height: np.ndarray, rows: np.ndarray, y: np.ndarray,
-    d_y: np.ndarray, up: np.ndarray, d_up: np.ndarray, scale: np.ndarray, d_scale: np.ndarray,
-) -> None:  # fmt: skip
-    """Add ``m (r_b b + r_h n)`` and its derivatives to the people that are boxes, in place.
-
-    ``y`` (n,) is the image row of the feet, ``d_y`` (2, n) its derivatives by log f and D.
+@dataclass(frozen=True, eq=False)
+class _Outline:
+    """Where the top edges of boxes touch, ``q`` (3, b), and its derivatives (p + 1, 3, b), the last
+    one by the person's height.
     """
-    m, d_m, y = scale[rows], d_scale[:, rows], y[rows]
+
+    q: np.ndarray
+    d_q: np.ndarray
+
+
+def _outline(
+    q: np.ndarray, rows: np.ndarray, span: np.ndarray, rays: _Rays, columns: tuple[int, ...],
+    up: np.ndarray, d_up: np.ndarray, scale: np.ndarray, d_scale: np.ndarray,
+) -> _Outline:  # fmt: skip
+    """``q + m (r_b b + r_h n)`` of the people that are boxes (module docstring)."""
+    m, d_m, y = scale[rows], d_scale[:, rows], rays.xy[1, rows]
+    d_row = np.zeros((len(columns), 3, len(m)))
+    turned = d_up[list(columns)]
+    d_q = span[rows] * (up[:, None] * d_m[:, None] + turned[:, :, None] * m)
+    for row, column in enumerate(columns):
+        if column in rays.by:
+            d_q[row, :2] += rays.by[column][:, rows]
+            d_row[row, 2] = -rays.by[column][1, rows]
     # The plane of sight of the row has the normal (0, 1, -y); the lowest point of the rim lies
     # where it points, as far as that is horizontal.
-    d_row = np.zeros((N_PARAMETERS, 3, len(m)))
-    d_row[FOCAL, 2], d_row[CORNER, 2] = -d_y[0][rows], -d_y[1][rows]
-    row = np.stack([np.zeros_like(y), np.ones_like(y), -y])
-    along = up @ row
-    d_along = np.einsum("pi,in->pn", d_up, row) + up[2] * d_row[:, 2]
+    normal = np.stack([np.zeros_like(y), np.ones_like(y), -y])
+    along = up @ normal
+    d_along = turned @ normal + up[2] * d_row[:, 2]
     b, d_b = _unit(
-        up[:, None] * along - row,
-        d_up[:, :, None] * along + up[:, None] * d_along[:, None] - d_row,
+        up[:, None] * along - normal,
+        turned[:, :, None] * along + up[:, None] * d_along[:, None] - d_row,
     )
     centre = q[:, rows] + BODY_RADIUS_M * m * b
-    d_centre = np.empty((N_PARAMETERS + 1, 3, len(m)))  # the last by the person's height
-    d_centre[:-1] = d_q[:, :, rows] + BODY_RADIUS_M * (d_m[:, None] * b + m * d_b)
-    d_centre[-1] = by_height[:, rows]
+    d_centre = np.empty((len(columns) + 1, 3, len(m)))
+    d_centre[:-1] = d_q + BODY_RADIUS_M * (d_m[:, None] * b + m * d_b)
+    d_centre[-1] = m * up[:, None]
 
     # A row is a plane through the x axis: it touches the sphere at right angles to (c_y, c_z).
     c = np.stack([np.zeros_like(m), -centre[2], centre[1]])
     d_c = np.zeros_like(d_centre)
     d_c[:, 1], d_c[:, 2] = -d_centre[:, 2], d_centre[:, 1]
     n, d_n = _unit(c, d_c)
-    q[:, rows] = centre + HEAD_RADIUS_M * m * n
-    d_q[:, :, rows] = d_centre[:-1] + HEAD_RADIUS_M * (d_m[:, None] * n + m * d_n[:-1])
-    by_height[:, rows] = d_centre[-1] + HEAD_RADIUS_M * m * d_n[-1]
+    d_top = d_centre + HEAD_RADIUS_M * m * d_n
+    d_top[:-1] += HEAD_RADIUS_M * d_m[:, None] * n
+    return _Outline(centre + HEAD_RADIUS_M * m * n, d_top)
 
 
-def _distort(
-    uv: np.ndarray, d_uv: np.ndarray, h_uv: np.ndarray, corner: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Apply ``x (1 + D r²)`` to points and to their derivatives."""
+def _on_sensor(
+    parameters: np.ndarray, columns: tuple[int, ...], uv: np.ndarray, d_uv: np.ndarray,
+    h_uv: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Apply ``x (1 + D r²)`` and the principal point to points and to their derivatives."""
+    corner, centre = parameters[CORNER], parameters[CENTRE]
     r2 = (uv * uv).sum(axis=0)
-    gain = 1 + corner * r2
-    d_out = d_uv * gain + uv * (2 * corner) * (d_uv * uv).sum(axis=1, keepdims=True)
-    d_out[CORNER] += uv * r2
-    h_out = h_uv * gain + uv * (2 * corner) * (h_uv * uv).sum(axis=0)
-    return uv * gain, d_out, h_out
+    by_corner = uv * r2
+    if corner != 0.0:
+        gain = 1 + corner * r2
+        d_uv = d_uv * gain + uv * (2 * corner) * (d_uv * uv).sum(axis=1, keepdims=True)
+        h_uv = h_uv * gain + uv * (2 * corner) * (h_uv * uv).sum(axis=0)
+        uv = uv * gain
+    if CORNER in columns:
+        d_uv[columns.index(CORNER)] += by_corner
+    for axis, column in enumerate((CENTRE_U, CENTRE_V)):
+        if column in columns:
+            d_uv[columns.index(column), axis] += 1.0
+    return uv + centre[:, None] if centre.any() else uv, d_uv, h_uv

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from scene4d.calibration._body import CORNER, FOCAL, HEIGHT, ROLL, TILT, Points
+from scene4d.calibration._body import CENTRE, CORNER, FOCAL, HEIGHT, ROLL, TILT, Points
 from scene4d.calibration.options import CalibrateOptions
 from scene4d.core import geometry
 from scene4d.core.calibration import Calibration
@@ -33,7 +33,7 @@ class ImageFrame:
 
     @property
     def centre_uv(self) -> Float[np.ndarray, "2"]:
-        """Principal point in pixels."""
+        """Assumed principal point in pixels."""
         if self.lens is not None:
             return self.lens.K[:2, 2]
         return (np.array(self.image_size, float) - 1) / 2
@@ -59,11 +59,11 @@ class ImageFrame:
         )
         return Points(foot, head, segments.from_box, foot_height_m)
 
-    def camera(self, parameters: Float[np.ndarray, "5"]) -> Camera:
-        """The camera of a parameter vector (log f, tilt, roll, log h, D)."""
+    def camera(self, parameters: Float[np.ndarray, "7"]) -> Camera:
+        """The camera of a parameter vector (log f, tilt, roll, log h, D, cu, cv)."""
         focal = np.exp(parameters[FOCAL]) * self.half_diagonal_px
         K = np.array([[focal, 0, 0], [0, focal * self.aspect, 0], [0, 0, 1.0]])
-        K[:2, 2] = self.centre_uv
+        K[:2, 2] = self.centre_uv + parameters[CENTRE] * self.half_diagonal_px * [1, self.aspect]
         if self.lens is None:
             distortion = np.zeros(5)
             distortion[0] = parameters[CORNER] * np.exp(2 * parameters[FOCAL])

@@ -11,7 +11,16 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from scene4d.calibration._body import CORNER, FOCAL, HEIGHT, ROLL, TILT, Points, undistort
+from scene4d.calibration._body import (
+    CORNER,
+    FOCAL,
+    HEIGHT,
+    N_PARAMETERS,
+    ROLL,
+    TILT,
+    Points,
+    undistort,
+)
 from scene4d.calibration._lines import best_azimuths
 from scene4d.calibration._prior import Prior
 from scene4d.calibration._refine import Noise, Problem, State, descend, minimise, updated_noise
@@ -99,7 +108,7 @@ def _starting_points(
     person_height_m: float,
     prior: Prior,
     keep: int = 3,
-) -> Float[np.ndarray, "m 5"]:
+) -> Float[np.ndarray, "m 7"]:
     """The best ``keep`` distinct parameter vectors of the grid, best first."""
     corner = prior.mean[CORNER]
     if len(weight) > _GRID_PEOPLE:
@@ -129,7 +138,7 @@ def _starting_points(
     usable = np.isfinite(log_ratio).mean(axis=1) > 0.3
     orientations, log_ratio, across = orientations[usable], log_ratio[usable], across[usable]
     if len(orientations) == 0:
-        return np.empty((0, 5))
+        return np.empty((0, N_PARAMETERS))
     # Median of what is finite, log H / h: sorting puts NaN last.
     middle = np.isfinite(log_ratio).sum(axis=1) // 2
     level = np.sort(log_ratio, axis=1)[np.arange(len(log_ratio)), middle]
@@ -137,10 +146,9 @@ def _starting_points(
     chi2 = np.where(np.isfinite(chi2), chi2, np.inf)
     cost = (weight * (1 - 1 / (1 + chi2 / _GRID_OUTLIER**2))).sum(axis=1) * _GRID_OUTLIER**2
 
-    parameters = np.empty((len(orientations), 5))
+    parameters = np.tile(prior.mean, (len(orientations), 1))
     parameters[:, [FOCAL, TILT, ROLL]] = orientations
     parameters[:, HEIGHT] = np.log(person_height_m) - level
-    parameters[:, CORNER] = corner
     gap = parameters - prior.mean
     cost += ((gap @ prior.precision) * gap).sum(axis=1)
     return parameters[_distinct(parameters, np.argsort(cost), keep)]

@@ -12,7 +12,19 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.calibration._body import CORNER, FOCAL, N_PARAMETERS, ROLL, TILT, undistort, up_vector
+from scene4d.calibration._body import (
+    CENTRE,
+    CENTRE_U,
+    CENTRE_V,
+    CORNER,
+    FOCAL,
+    N_PARAMETERS,
+    ROLL,
+    TILT,
+    undistort,
+    undistort_jacobian,
+    up_vector,
+)
 
 _ANGLE_SIGMA_RAD = np.radians(0.5)
 """How far real edges stray from the three directions (building tolerances, worn kerbs). This and
@@ -25,6 +37,7 @@ _LINES_PER_FACT = 20.0
 """Edges of one window, house or kerb err together: so many lines weigh as one observation."""
 
 _AZIMUTH = N_PARAMETERS
+_OF_LENS = [CORNER, CENTRE_U, CENTRE_V]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,20 +67,20 @@ class Lines:
 
 @dataclass(frozen=True, eq=False)
 class LineTerms:
-    """Residuals (n,) in sigmas to the nearest direction, derivatives (6, n), weights, cost."""
+    """Residuals (n,) in sigmas to the nearest direction, derivatives (8, n), weights, cost."""
 
     residual: Float[np.ndarray, "n"]
-    derivative: Float[np.ndarray, "6 n"]
+    derivative: Float[np.ndarray, "8 n"]
     weight: Float[np.ndarray, "n"]
     cost: float
 
 
 def directions(tilt: float, roll: float, azimuth: float) -> tuple[np.ndarray, np.ndarray]:
-    """The three directions in camera coordinates (3, 3) and derivatives (3, 6, 3)."""
+    """The three directions in camera coordinates (3, 3) and derivatives (3, 8, 3)."""
     ct, st, cr, sr = np.cos(tilt), np.sin(tilt), np.cos(roll), np.sin(roll)
     up, d_up = up_vector(tilt, roll)
     x, y = np.array([cr, sr, 0.0]), np.array([sr * st, -cr * st, ct])
-    d_x, d_y = np.zeros((6, 3)), np.zeros((6, 3))
+    d_x, d_y = np.zeros((_AZIMUTH + 1, 3)), np.zeros((_AZIMUTH + 1, 3))
     d_x[ROLL] = (-sr, cr, 0.0)
     d_y[TILT], d_y[ROLL] = (sr * ct, -cr * ct, -st), (cr * st, sr * st, 0.0)
     ca, sa = np.cos(azimuth), np.sin(azimuth)
@@ -78,16 +91,16 @@ def directions(tilt: float, roll: float, azimuth: float) -> tuple[np.ndarray, np
     return np.stack([up, along, across]), np.stack([d_upright, d_along, d_across])
 
 
-def line_terms(parameters: Float[np.ndarray, "6"], lines: Lines) -> LineTerms:
+def line_terms(parameters: Float[np.ndarray, "8"], lines: Lines) -> LineTerms:
     """Residual of every line to the direction that it misses least."""
-    focal, corner = np.exp(parameters[FOCAL]), parameters[CORNER]
-    a, a_by_corner, _ = undistort(lines.start, corner)
-    b, b_by_corner, _ = undistort(lines.end, corner)
-    middle, d_middle = (a + b) / 2, (a_by_corner + b_by_corner) / 2
-    span, d_span = b - a, b_by_corner - a_by_corner
+    focal = np.exp(parameters[FOCAL])
+    a, d_a = _straight(lines.start, parameters)
+    b, d_b = _straight(lines.end, parameters)
+    middle, d_middle = (a + b) / 2, (d_a + d_b) / 2
+    span, d_span = b - a, d_b - d_a
     length = np.sqrt((span * span).sum(axis=0))
     edge = span / length
-    d_edge = (d_span - edge * (d_span * edge).sum(axis=0)) / length
+    d_edge = (d_span - edge * (d_span * edge).sum(axis=1, keepdims=True)) / length
 
     axes, d_axes = directions(parameters[TILT], parameters[ROLL], parameters[_AZIMUTH])
     to_pixels = np.array([focal, focal, 1.0])
@@ -102,15 +115,15 @@ def line_terms(parameters: Float[np.ndarray, "6"], lines: Lines) -> LineTerms:
     column = np.arange(len(lines))
     residual = miss[nearest, column]
 
-    v, d_v = vanishing[nearest].T, d_vanishing[nearest].transpose(1, 2, 0)  # (3, n), (6, 3, n)
+    v, d_v = vanishing[nearest].T, d_vanishing[nearest].transpose(1, 2, 0)  # (3, n), (8, 3, n)
     d_toward = d_v[:, :2] - middle * d_v[:, 2:3]
-    d_toward[CORNER] -= d_middle * v[2]
+    d_toward[_OF_LENS] -= d_middle * v[2]
     reach = v[:2] - middle * v[2]
     norm = np.sqrt((reach * reach).sum(axis=0))
     unit = reach / norm
     d_unit = (d_toward - unit * (d_toward * unit).sum(axis=1, keepdims=True)) / norm
     derivative = edge[0] * d_unit[:, 1] - edge[1] * d_unit[:, 0]
-    derivative[CORNER] += d_edge[0] * unit[1] - d_edge[1] * unit[0]
+    derivative[_OF_LENS] += d_edge[:, 0] * unit[1] - d_edge[:, 1] * unit[0]
     derivative /= lines.sigma
 
     shrink = 1 / (1 + residual**2 / _LOSS_WIDTH**2)
@@ -118,7 +131,15 @@ def line_terms(parameters: Float[np.ndarray, "6"], lines: Lines) -> LineTerms:
     return LineTerms(residual, derivative, shrink**2 / _LINES_PER_FACT, cost)
 
 
-def best_azimuths(parameters: Float[np.ndarray, "5"], lines: Lines, keep: int = 2) -> list[float]:
+def _straight(ends: np.ndarray, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Undistorted points (2, n) about the principal point; derivatives (3, 2, n) by D, cu, cv."""
+    seen, corner = ends - parameters[CENTRE][:, None], parameters[CORNER]
+    straight, by_corner, _ = undistort(seen, corner)
+    by_x, by_y = undistort_jacobian(seen, straight, corner)
+    return straight, np.stack([by_corner, -by_x, -by_y])
+
+
+def best_azimuths(parameters: Float[np.ndarray, "7"], lines: Lines, keep: int = 2) -> list[float]:
     """Azimuths (radians, 0 to π/2) of the best local minima of the lines' cost."""
     grid = np.radians(np.arange(0.0, 90.0, 1.5))  # a local minimum is about 5° wide
     cost = np.array([line_terms(np.append(parameters, a), lines).cost for a in grid])

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from scene4d.calibration import _verdict as verdict
-from scene4d.calibration._body import HEIGHT
+from scene4d.calibration._body import FOCAL, HEIGHT, N_PARAMETERS, ROLL, TILT
 from scene4d.calibration._case import Case, different_people, ground_errors
 from scene4d.calibration._linear import height_system
 from scene4d.calibration.consensus import (
@@ -41,7 +41,8 @@ def paper_calibration(case: Case) -> Calibration:
         given = replace(given, focal_px=asked.fixed_focal_px, focal_sigma_px=0.0)
     given_sigma = _given_sigmas(given)
     log_f = np.log(given.focal_px / frame.half_diagonal_px)
-    parameters = np.array([log_f, given.tilt_rad, given.roll_rad, 0.0, 0.0])
+    parameters = np.zeros(N_PARAMETERS)
+    parameters[[FOCAL, TILT, ROLL]] = log_f, given.tilt_rad, given.roll_rad
     people = _People.of(case, frame.camera(parameters).K)
     inlier = people.consensus(given, asked.consensus, asked.seed)
     if inlier.sum() < verdict.MIN_PEOPLE:
@@ -52,7 +53,7 @@ def paper_calibration(case: Case) -> Calibration:
     agreeing = people.select(inlier)
     height_m = agreeing.height_m(given)
     parameters[HEIGHT] = np.log(height_m)
-    by_given = np.eye(5)[:, :3]
+    by_given = np.eye(N_PARAMETERS)[:, :3]
     by_given[HEIGHT] = agreeing.sensitivity(given)
     covariance = by_given @ np.diag(given_sigma**2) @ by_given.T
     covariance[HEIGHT, HEIGHT] += _people_variance(case, agreeing.own_height_m(given), inlier)

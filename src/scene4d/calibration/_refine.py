@@ -1,8 +1,8 @@
 """Maximum a posteriori camera from upright segments: robust Gauss-Newton, heights eliminated.
 
-Minimises over the camera θ = (log f, tilt, roll, log h, D) and one height per track
+Minimises over the camera θ = (log f, tilt, roll, log h, D, cu, cv) and one height per track
 
-    Σᵢ wᵢ (-2 log p(aᵢ, cᵢ)) + Σₜ ρ(δₜ² / σ_H²) + Σₖ (θₖ - θ̄ₖ)² / sₖ²
+    Σᵢ wᵢ (-2 log p(aᵢ, cᵢ)) + Σₜ ρ(δₜ² / σ_H²) + Σₖ (θₖ - θ̄ₖ)² / sₖ² + further terms
 
 where aᵢ is the logarithm of predicted over seen length and cᵢ the angle between the two, in sigmas,
 and wᵢ counts a track by its distinct positions rather than by its frames. p is a mixture of
@@ -19,6 +19,7 @@ Noise, height spread and shares are re-estimated by expectation-maximisation wit
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -70,6 +71,29 @@ class Noise:
         return replace(self, **{name: factor * getattr(self, name) for name in names})
 
 
+@dataclass(frozen=True)
+class TermValue:
+    """What something besides people says of the camera: its part of the cost (-2 log p, up to a
+    constant), half its gradient (7,), and half its second derivative (7, 7), positive semidefinite.
+    """
+
+    cost: float
+    gradient: Float[np.ndarray, "7"]
+    hessian: Float[np.ndarray, "7 7"]
+
+
+@runtime_checkable
+class Term(Protocol):
+    """Anything besides people that says something about the camera: known points, vehicles.
+
+    What it alone depends on (a position, a size) it eliminates by itself.
+    """
+
+    def at(self, parameters: Float[np.ndarray, "7"]) -> TermValue:
+        """Its value at a camera."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Everything that stays fixed while the camera is refined."""
@@ -80,6 +104,12 @@ class Problem:
     person_height_m: float
     prior: Prior
     lines: Lines | None = None
+    terms: tuple[Term, ...] = ()
+
+    @cached_property
+    def columns(self) -> tuple[int, ...]:
+        """Indices of the free parameters."""
+        return tuple(np.flatnonzero(self.prior.free).tolist())
 
     @cached_property
     def lone(self) -> Bool[np.ndarray, "n"]:
@@ -119,7 +149,7 @@ class Problem:
 class State:
     """A point of the search: camera, heights above the mean (m), noise, azimuth of the lines."""
 
-    parameters: Float[np.ndarray, "5"]
+    parameters: Float[np.ndarray, "7"]
     delta_m: Float[np.ndarray, "t"]
     noise: Noise
     azimuth: float = 0.0
@@ -127,7 +157,8 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Residuals (2, n) in sigmas with derivatives at a state, their weights, and the cost.
+    """Residuals (2, n) in sigmas with derivatives by the free parameters at a state, their weights,
+    and the cost.
 
     ``inlier`` (n,) is the probability that a person is as modelled, ``weight`` (2, n) what the
     two residuals count, ``force`` (2, n) half the gradient of the loss by the residuals,
@@ -135,7 +166,7 @@ class Linearisation:
     """
 
     residual: Float[np.ndarray, "2 n"]
-    by_parameter: Float[np.ndarray, "5 2 n"]
+    by_parameter: Float[np.ndarray, "p 2 n"]
     by_height: Float[np.ndarray, "2 n"]
     inlier: Float[np.ndarray, "n"]
     weight: Float[np.ndarray, "2 n"]
@@ -143,12 +174,14 @@ class Linearisation:
     height_weight: Float[np.ndarray, "t"]
     cost: float
     lines: LineTerms | None
+    others: tuple[TermValue, ...] = ()
 
 
 def linearise(problem: Problem, state: State) -> Linearisation:
     """Residuals, derivatives, weights and cost at ``state``."""
     points, noise = problem.points, state.noise
-    predicted = predict_heads(state.parameters, points, problem.heights_m(state.delta_m))
+    heights_m = problem.heights_m(state.delta_m)
+    predicted = predict_heads(state.parameters, points, heights_m, problem.columns)
     seen = points.seen
     along, across = spreads(problem, noise)
 
@@ -192,6 +225,8 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     if problem.lines is not None:
         terms = line_terms(np.append(state.parameters, state.azimuth), problem.lines)
         cost += terms.cost
+    others = tuple(term.at(state.parameters) for term in problem.terms)
+    cost += sum(other.cost for other in others)
     return Linearisation(
         residual,
         by_parameter,
@@ -202,6 +237,7 @@ def linearise(problem: Problem, state: State) -> Linearisation:
         height_shrink**2,
         cost,
         terms,
+        others,
     )
 
 
@@ -223,42 +259,43 @@ def _mixture(
     People whose prediction is invalid are strays: no camera may win by losing people.
     """
     a = np.where(valid, np.clip(residual[0], -1e3, 1e3), -1e3)
-    a2, c2 = a * a, np.where(valid, np.minimum(residual[1] ** 2, 1e6), 1e6)
+    upright = np.exp(-0.5 * np.where(valid, residual[1] ** 2, 1e6))
+    edge = 1 / (1 + np.exp(np.clip((_SHORT_FROM - a) / _SHORT_EDGE, -40.0, 40.0)))  # logistic step
     flat_a = along * np.sqrt(2 * np.pi) / SHORT_RANGE
     flat_c = across * np.sqrt(2 * np.pi) / TURN_RANGE
-    edge = np.minimum((a - _SHORT_FROM) / _SHORT_EDGE, 40.0)
-    below = 1 / (1 + np.exp(edge))  # 1 - logistic step
-    modelled = np.log(1 - noise.short - noise.stray) - (a2 + c2) / 2
-    short = np.log(noise.short * flat_a) - c2 / 2 + edge + np.log(np.maximum(below, 1e-300))
-    stray = np.log(noise.stray * flat_a * flat_c)
-    top = np.maximum(np.maximum(modelled, short), stray)
-    total = top + np.log(np.exp(modelled - top) + np.exp(short - top) + np.exp(stray - top))
-    inlier, too_short = np.exp(modelled - total), np.exp(short - total)
-    push = np.where(valid, too_short * below / _SHORT_EDGE, 0.0)
-    return inlier, inlier + too_short, push, -2 * total
+    modelled = (1 - noise.short - noise.stray) * np.exp(-0.5 * a * a) * upright
+    short = noise.short * flat_a * edge * upright
+    total = modelled + short + noise.stray * flat_a * flat_c
+    inlier, too_short = modelled / total, short / total
+    push = np.where(valid, too_short * (1 - edge) / _SHORT_EDGE, 0.0)
+    return inlier, inlier + too_short, push, -2 * np.log(total)
 
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
     """Gauss-Newton system over camera and azimuth, with the heights eliminated."""
 
-    hessian: Float[np.ndarray, "6 6"]
-    gradient: Float[np.ndarray, "6"]
+    hessian: Float[np.ndarray, "8 8"]
+    gradient: Float[np.ndarray, "8"]
     height_information: Float[np.ndarray, "t"]
     height_gradient: Float[np.ndarray, "t"]
-    coupling: Float[np.ndarray, "6 t"]
+    coupling: Float[np.ndarray, "8 t"]
 
 
 def normal_equations(problem: Problem, state: State, lin: Linearisation) -> NormalEquations:
     """``Jᵀ W J`` with one Schur complement per track."""
+    columns = list(problem.columns)
     weighted = lin.by_parameter * lin.weight
-    flat = lin.by_parameter.reshape(N_PARAMETERS, -1)
+    flat = lin.by_parameter.reshape(len(columns), -1)
     hessian, gradient = np.zeros((_N, _N)), np.zeros(_N)
+    hessian[np.ix_(columns, columns)] = weighted.reshape(len(columns), -1) @ flat.T
+    gradient[columns] = flat @ lin.force.ravel()
     camera = slice(0, N_PARAMETERS)
-    hessian[camera, camera] = weighted.reshape(N_PARAMETERS, -1) @ flat.T
     hessian[camera, camera] += problem.prior.precision
-    gradient[camera] = (lin.by_parameter * lin.force).sum(axis=(1, 2))
     gradient[camera] += problem.prior.precision @ (state.parameters - problem.prior.mean)
+    for other in lin.others:
+        hessian[camera, camera] += other.hessian
+        gradient[camera] += other.gradient
     if lin.lines is not None:
         pulled = lin.lines.derivative * lin.lines.weight
         hessian += pulled @ lin.lines.derivative.T
@@ -278,8 +315,8 @@ def normal_equations(problem: Problem, state: State, lin: Linearisation) -> Norm
 
         information += per_person(lin.weight[:, rows] * by_height**2)
         height_gradient += per_person(by_height * lin.force[:, rows])
-        for index in np.flatnonzero(problem.prior.free):
-            coupling[index] = per_person(weighted[index][:, rows] * by_height)
+        for row, column in enumerate(columns):
+            coupling[column] = per_person(weighted[row][:, rows] * by_height)
     scaled = coupling / information
     return NormalEquations(
         hessian - scaled @ coupling.T,
@@ -330,8 +367,8 @@ def descend(
     return state, lin
 
 
-_LARGEST_STEP = np.array([0.5, 0.25, 0.25, 0.6, 0.05, 0.1])
-"""Of log f, tilt, roll, log h, D and azimuth: about the spacing of the grid of starts."""
+_LARGEST_STEP = np.array([0.5, 0.25, 0.25, 0.6, 0.05, 0.05, 0.05, 0.1])
+"""Of log f, tilt, roll, log h, D, principal point, azimuth: about the spacing of the starts."""
 
 
 def _damped_step(system: NormalEquations, free: np.ndarray, damping: float) -> np.ndarray:

@@ -11,7 +11,7 @@ from scene4d.calibration._case import Case, ImageFrame, different_people, ground
 from scene4d.calibration._joint import position_weights, solve
 from scene4d.calibration._lines import Lines
 from scene4d.calibration._paper import paper_calibration
-from scene4d.calibration._prior import Prior, default_prior
+from scene4d.calibration._prior import CENTRE_SIGMA, Prior, default_prior
 from scene4d.calibration._refine import Problem, State, linearise, spreads
 from scene4d.calibration._uncertainty import covariance
 from scene4d.calibration.options import POINTS, CalibrateOptions
@@ -120,7 +120,11 @@ def solve_segments(
 def _prior(case: Case) -> Prior:
     """What is known before anybody is seen."""
     asked, unit = case.asked, case.frame.half_diagonal_px
-    prior = default_prior(estimate_distortion=asked.estimate_distortion and case.frame.lens is None)
+    measured = case.frame.lens is not None
+    prior = default_prior(
+        estimate_distortion=asked.estimate_distortion and not measured,
+        centre_sigma=CENTRE_SIGMA if asked.systematics and not measured else 0.0,
+    )
     if asked.known_orientation is not None:
         prior = prior.with_orientation(asked.known_orientation, unit)
     if asked.fixed_focal_px is not None:
@@ -166,7 +170,6 @@ def _judged(case: Case, problem: Problem, state: State) -> Calibration:
         problem,
         state,
         systematics=case.asked.systematics,
-        measured_lens=case.frame.lens is not None,
     )
     cov[HEIGHT, HEIGHT] += _scale_variance(case, problem, people)
     lin = linearise(problem, state)

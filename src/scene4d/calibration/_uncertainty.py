@@ -21,14 +21,13 @@ little pass for people. Read off synthetic scenes with 10 to 40 % of them (tests
 
 
 def covariance(
-    problem: Problem, state: State, *, systematics: bool = False, measured_lens: bool = False
-) -> Float[np.ndarray, "5 5"]:
+    problem: Problem, state: State, *, systematics: bool = False
+) -> Float[np.ndarray, "7 7"]:
     """Posterior covariance of the camera with the heights (and the azimuth) marginalised.
 
     The inverse of the Gauss-Newton matrix with heights eliminated, at the information that the
     mixture of people and outliers leaves; then what :func:`_shared` effects add. Fixed parameters
-    have zero rows. ``systematics`` counts those of real footage, with the principal point of a
-    ``measured_lens`` or of an unknown one.
+    have zero rows. ``systematics`` counts those of real footage.
     """
     inverse = _inverse_hessian(problem, state)
     leak = _OUTLIER_LEAK * state.noise.short
@@ -37,10 +36,7 @@ def covariance(
         Systematic("outliers taken for people: length", leak, _stretched),
     ]
     if systematics:
-        effects += [
-            replace(e, sigma=_MEASURED_LENS_SIGMA) if measured_lens and e.of_lens else e
-            for e in _SYSTEMATICS
-        ]
+        effects += _SYSTEMATICS
     own = inverse[:N_PARAMETERS, :N_PARAMETERS]
     return own + _shared(problem, state, inverse, effects)
 
@@ -66,16 +62,6 @@ class Systematic:
     name: str
     sigma: float
     disturb: Callable[[Points, float], Points]
-    of_lens: bool = False
-
-
-def _shifted(axis: int) -> Callable[[Points, float], Points]:
-    def disturb(points: Points, amount: float) -> Points:
-        offset = np.zeros((2, 1))
-        offset[axis] = amount
-        return replace(points, foot=points.foot + offset, head=points.head + offset)
-
-    return disturb
 
 
 def _leaning(points: Points, amount: float) -> Points:
@@ -116,18 +102,12 @@ _BOX_FACTOR = 2.0
 """Boxes grow and shrink with the viewing angle more than bodies do (METHOD section 2, lesson 1)."""
 
 _SYSTEMATICS: tuple[Systematic, ...] = (
-    Systematic("principal point, u", 0.05, _shifted(0), of_lens=True),
-    Systematic("principal point, v", 0.05, _shifted(1), of_lens=True),
     Systematic("lean of people", 0.08, _leaning),
     Systematic("size against distance", 0.03, _growing),
     Systematic("size across the picture", 0.02, _growing_aside),
 )
 """Found on real footage (benchmarks/keypoint_bias.py): lean seen 12 ± 5 % too small, size wrong by
-4 % per e-fold of distance; the lens of PETS is 12 % of the half diagonal off centre."""
-
-
-_MEASURED_LENS_SIGMA = 0.005
-"""Principal point of a measured lens, in half diagonals."""
+4 % per e-fold of distance."""
 
 
 def _shared(

@@ -61,9 +61,9 @@ def depth_of(points: Points, up: Float[np.ndarray, "3"], inlier: Bool[np.ndarray
 def refusal(
     points: Points,
     prior: Prior,
-    parameters: Float[np.ndarray, "5"],
+    parameters: Float[np.ndarray, "7"],
     depth: float,
-    covariance: Float[np.ndarray, "5 5"],
+    covariance: Float[np.ndarray, "7 7"],
     relative_ground_error: float,
     inlier_share: float,
 ) -> str | None:
@@ -134,7 +134,7 @@ def _implausible(parameters: np.ndarray) -> str | None:
 
 def warnings(
     n_sightings: int, n_people: int, inlier_share: float, prior: Prior,
-    covariance: Float[np.ndarray, "5 5"],
+    covariance: Float[np.ndarray, "7 7"],
 ) -> list[str]:  # fmt: skip
     """Warnings about an accepted camera, as sentences."""
     said = []

@@ -21,9 +21,14 @@ PARAMETERS: tuple[str, ...] = (
     "roll_rad",
     "log_height",
     "corner_distortion",
+    "principal_u",
+    "principal_v",
 )
-"""Order of the covariance's rows: log f, tilt, roll, log C_Z, and the fraction D by which the lens
-displaces the image corner: ``k1 = D (f / half diagonal)²``, so that D does not depend on f."""
+"""Order of the covariance's rows: log f, tilt, roll, log C_Z, the fraction D by which the lens
+displaces the image corner (``k1 = D (f / half diagonal)²``, so that D does not depend on f), and
+the principal point in half diagonals. A covariance of the first five is taken as one of all, with
+the principal point known."""
+_FIRST = 5
 GIVEN = "given"
 """The method of a camera that was not calibrated by scene4d."""
 _STEP = 1e-5
@@ -38,7 +43,7 @@ _ERRORS = ("ground_error_m", "ground_error_from_camera_m")
 class Calibration:
     """The result of a calibration; false if the camera is undetermined.
 
-    ``covariance`` is that of :data:`PARAMETERS` (5x5, zero rows for fixed parameters), None if
+    ``covariance`` is that of :data:`PARAMETERS` (7x7, zero rows for fixed parameters), None if
     unknown. Its effect on the ground is given as two errors. *Within the scene* is the error of
     distances and shapes that remains after the best rigid motion of the whole scene; *from the
     camera* is the error of positions in the world of the camera (origin below it, heading along
@@ -48,7 +53,7 @@ class Calibration:
     ``segments`` (pixels of the footage) are the people used for the calibration, with ``inlier``
     and ``residual`` by row; ``residual`` is the distance between the observed and the predicted
     head, as a fraction of the person's length in the image. Files do not contain them, so a loaded
-    calibration has only their number and ``scene_motion`` (3x5): the rigid motion of the scene
+    calibration has only their number and ``scene_motion`` (3x7): the rigid motion of the scene
     (shift along X and Y in metres, rotation in radians) per unit of each parameter, which gives the
     error within the scene. ``made`` is the origin of the file (source, date, version, command).
     """
@@ -58,7 +63,7 @@ class Calibration:
     image_size: ImageSize
     person_height_m: float
     camera: Camera | None = None
-    covariance: Float[np.ndarray, "5 5"] | None = None
+    covariance: Float[np.ndarray, "_ _"] | None = None
     reason: str | None = None
     warnings: tuple[str, ...] = ()
     segments: Segments | None = None
@@ -69,12 +74,16 @@ class Calibration:
     frames: int = 0
     people: int = 0
     inliers: int = 0
-    scene_motion: Float[np.ndarray, "3 5"] | None = None
+    scene_motion: Float[np.ndarray, "3 _"] | None = None
     made: dict[str, str] | None = None
 
     def __post_init__(self) -> None:
         """Take ``people`` and ``inliers`` (numbers of detections) from the segments, if given."""
         object.__setattr__(self, "image_size", as_image_size(self.image_size))
+        for name in ("covariance", "scene_motion"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, _over_all_parameters(value))
         if self.segments is not None:
             object.__setattr__(self, "people", len(self.segments))
             inliers = 0 if self.inlier is None else int(self.inlier.sum())
@@ -173,7 +182,7 @@ class Calibration:
         sigma_m = [_sigma_m(j, self.parameter_covariance) for j in (within, jacobian)]
         return xy, sigma_m[0], sigma_m[1]
 
-    def _motion(self, over_uv: np.ndarray | None = None) -> Float[np.ndarray, "3 5"]:
+    def _motion(self, over_uv: np.ndarray | None = None) -> Float[np.ndarray, "3 7"]:
         """``scene_motion``, or that over other pixels."""
         if over_uv is None and self.segments is not None:
             over_uv = self._some_feet_uv()
@@ -195,20 +204,25 @@ class Calibration:
         return feet[:: max(1, len(feet) // _FEET)]
 
     @property
-    def parameter_covariance(self) -> Float[np.ndarray, "5 5"]:
+    def parameter_covariance(self) -> Float[np.ndarray, "7 7"]:
         """``covariance``, zero if unknown."""
-        return np.zeros((5, 5)) if self.covariance is None else self.covariance
+        n = len(PARAMETERS)
+        return np.zeros((n, n)) if self.covariance is None else self.covariance
 
     def ground_jacobian(
         self, uv: Float[np.ndarray, "n 2"]
-    ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2 5"], Bool[np.ndarray, "n"]]:
+    ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2 7"], Bool[np.ndarray, "n"]]:
         """Ground points (n, 2) at pixels of the footage, their derivatives with respect to
         :data:`PARAMETERS`, and validity; NaN at and above the horizon. Raises :class:`InputError`
         without a camera.
         """
         camera = self._camera()
         xy, valid = camera.locate(uv)
-        known = np.ones(5, bool) if self.covariance is None else np.diag(self.covariance) == 0
+        known = (
+            np.ones(len(PARAMETERS), bool)
+            if self.covariance is None
+            else np.diag(self.covariance) == 0
+        )
         columns = []
         for index in range(len(PARAMETERS)):
             if known[index]:
@@ -216,7 +230,7 @@ class Calibration:
                 continue
             ends = []
             for sign in (-1, 1):
-                step = np.zeros(5)
+                step = np.zeros(len(PARAMETERS))
                 step[index] = sign * _STEP
                 other = camera.disturbed(step)
                 there, ok = other.locate(uv)
@@ -346,12 +360,14 @@ def _texts(fields: JsonObject) -> dict[str, str]:
 
 def _uncertainty(
     fields: JsonObject,
-) -> tuple[Float[np.ndarray, "5 5"] | None, Float[np.ndarray, "3 5"] | None]:
+) -> tuple[Float[np.ndarray, "7 7"] | None, Float[np.ndarray, "3 7"] | None]:
     """``covariance`` and ``scene_motion``; None if missing from the file."""
     if "covariance" not in fields:
         return None, None
-    n, inside = len(PARAMETERS), fields.object("covariance")
-    if inside.texts("parameters") != PARAMETERS:
+    inside = fields.object("covariance")
+    names = inside.texts("parameters")
+    n = len(names)
+    if names not in (PARAMETERS, PARAMETERS[:_FIRST]):
         raise inside.error("parameters", f"the list {', '.join(PARAMETERS)}")
     matrix = inside.array("matrix", n, n)
     size = float(np.abs(matrix).max())
@@ -360,6 +376,16 @@ def _uncertainty(
         raise inside.error("matrix", "a covariance: symmetric, with no negative variance")
     motion = inside.array("scene_motion", 3, n) if "scene_motion" in inside else None
     return matrix, motion
+
+
+def _over_all_parameters(values: np.ndarray) -> np.ndarray:
+    """A covariance, or derivatives in columns, of the first five parameters as those of all."""
+    values = np.asarray(values, float)
+    missing = len(PARAMETERS) - values.shape[1]
+    if missing != len(PARAMETERS) - _FIRST:
+        return values
+    rows = missing if values.shape[0] == values.shape[1] else 0
+    return np.pad(values, ((0, rows), (0, missing)))
 
 
 def _rigid_motions(xy: np.ndarray) -> np.ndarray:
@@ -371,7 +397,7 @@ def _rigid_motions(xy: np.ndarray) -> np.ndarray:
 
 
 def _common_motion(xy: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-    """Derivatives (3, 5) of the rigid motion nearest to those of ground points (n, 2, 5)."""
+    """Derivatives (3, 7) of the rigid motion nearest to those of ground points (n, 2, 7)."""
     if len(xy) < 2:
         return np.zeros((3, len(PARAMETERS)))
     design, answer = _rigid_motions(xy).reshape(-1, 3), jacobian.reshape(-1, len(PARAMETERS))

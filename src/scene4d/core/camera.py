@@ -254,16 +254,19 @@ class Camera(Lens):
             *geometry.locate(self.P, points, np.broadcast_to(height, len(points))), single
         )
 
-    def disturbed(self, step: Float[np.ndarray, "5"]) -> "Camera":
-        """The camera changed by (log f, tilt, roll, log height, corner distortion); heading kept.
+    def disturbed(self, step: Float[np.ndarray, "p"]) -> "Camera":
+        """The camera changed by (log f, tilt, roll, log height, corner distortion, and the two
+        coordinates of the principal point, which may be left out); heading kept.
 
         Distortion depends on the position on the sensor, so its coefficients scale with the focal
-        length; the last step is the additional displacement of the image corner, as a fraction.
+        length; the fifth step is the additional displacement of the image corner, as a fraction.
+        The principal point is in half diagonals.
         """
-        d_log_f, d_tilt, d_roll, d_log_h, d_corner = step
+        d_log_f, d_tilt, d_roll, d_log_h, d_corner = step[:5]
         stretch = np.exp(d_log_f)
         K = self.K.copy()
         K[:2, :2] *= stretch
+        K[: len(step) - 5, 2] += np.asarray(step[5:]) * np.hypot(*self.image_size) / 2
         distortion = geometry.refocused(self.distortion, float(stretch))
         distortion[0] += d_corner * (2 * K[0, 0] / np.hypot(*self.image_size)) ** 2
         tilt, roll = self.tilt_rad, self.roll_rad

@@ -14,11 +14,11 @@ Z95 = 1.959964
 
 def propagated(
     camera: Camera,
-    covariance: Float[np.ndarray, "5 5"],
+    covariance: Float[np.ndarray, "p p"],
     function: Callable[[Camera], Float[np.ndarray, "n"]],
 ) -> Float[np.ndarray, "n"]:
     """Standard deviation of ``function(camera)``: ``sqrt(J C Jᵀ)`` with central differences."""
-    moves = [m for m in np.eye(5) * _STEP if covariance[m > 0, m > 0] > 0]
+    moves = [m for m in np.eye(len(covariance)) * _STEP if covariance[m > 0, m > 0] > 0]
     if not moves:
         return np.zeros(len(function(camera)))
     used = np.flatnonzero(np.sum(moves, axis=0))

@@ -205,7 +205,7 @@ def _ticks(axes: Axes, camera: Camera) -> list[Any]:
     return [Line2D([], [], ls="", marker="|", ms=9, c="white", path_effects=effects, label=label)]
 
 
-def _horizon(axes: Axes, camera: Camera, covariance: Float[np.ndarray, "5 5"] | None) -> list[Any]:
+def _horizon(axes: Axes, camera: Camera, covariance: Float[np.ndarray, "p p"] | None) -> list[Any]:
     curve = horizon_curve(camera)
     if not horizon_shown(camera):
         return [_unseen(camera, "horizon", style.HORIZON)]

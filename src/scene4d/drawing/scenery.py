@@ -59,7 +59,7 @@ def horizon_curve(camera: Camera, samples: int = 801) -> Float[np.ndarray, "n 2"
 
 
 def horizon_band(
-    camera: Camera, covariance: Float[np.ndarray, "5 5"], uv: Float[np.ndarray, "n 2"]
+    camera: Camera, covariance: Float[np.ndarray, "p p"], uv: Float[np.ndarray, "n 2"]
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]]:
     """The 95 % band around horizon points ``uv`` of the footage: its upper and lower rim.
 

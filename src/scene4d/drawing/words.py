@@ -95,7 +95,7 @@ def rounded_m(metres: float) -> str:
     return f"{number(metres, places)}\u00a0m"
 
 
-def k1_sigma(camera: Camera, covariance: Float[np.ndarray, "5 5"]) -> float:
+def k1_sigma(camera: Camera, covariance: Float[np.ndarray, "p p"]) -> float:
     """Standard deviation of k1, propagated from the focal length and the corner's displacement.
 
     With D the displacement, ``k1 = D (f / half diagonal)²``: see ``model.PARAMETERS``.

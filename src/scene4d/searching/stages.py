@@ -89,7 +89,7 @@ def camera_factor_of(calibration: Calibration) -> CameraFactor | None:
     return factor
 
 
-def _root(covariance: Float[np.ndarray, "5 5"]) -> Float[np.ndarray, "5 k"]:
+def _root(covariance: Float[np.ndarray, "p p"]) -> Float[np.ndarray, "p k"]:
     """A square root of a covariance, of full rank."""
     values, vectors = np.linalg.eigh(covariance)
     used = values > _ROUNDING**2 * values.max()
