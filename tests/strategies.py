@@ -7,7 +7,7 @@ to a camera that a person can read. The crowds are deterministic: the caller bri
 import functools
 import random
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -88,7 +88,7 @@ def build_camera(
     c, s = np.cos(np.radians(heading_deg)), np.sin(np.radians(heading_deg))
     R = seed.R @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
     t = -R @ np.array([*xy_m, height_m])
-    return replace(seed, K=lens.K, distortion=lens.distortion, R=R, t=t)
+    return lens.posed(R, t)
 
 
 def least_height_m(lens: Lens, tilt_deg: float) -> float:
@@ -133,6 +133,37 @@ def lenses(*, distorted: bool = True, square: bool = False) -> st.SearchStrategy
         tangential=st.tuples(st.floats(-0.002, 0.002), st.floats(-0.002, 0.002))
         if distorted
         else st.tuples(zero, zero),
+    )
+
+
+@_builder
+def build_fisheye(
+    image_size: tuple[int, int] = (1280, 960),
+    focal_px: float = 400.0,
+    distortion: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+    aspect: float = 1.0,
+    skew: float = 0.0,
+    centre_shift: tuple[float, float] = (0.0, 0.0),
+) -> Lens:
+    """A fisheye lens, with its principal point off the middle by ``centre_shift`` pixels."""
+    width, height = image_size
+    cu, cv = (width - 1) / 2 + centre_shift[0], (height - 1) / 2 + centre_shift[1]
+    K = np.array([[focal_px, skew, cu], [0, focal_px * aspect, cv], [0, 0, 1]])
+    return Lens(image_size, K, np.array(distortion), distortion_model="fisheye")
+
+
+def fisheye_lenses() -> st.SearchStrategy[Lens]:
+    """Fisheye lenses whose curve grows up to 95 degrees and more."""
+    shift = st.floats(-30.0, 30.0)
+    return st.builds(
+        build_fisheye,
+        focal_px=st.floats(200.0, 900.0),
+        distortion=st.tuples(
+            st.floats(-0.06, 0.1), st.floats(-0.004, 0.01), st.floats(-2e-4, 1e-3), st.just(1e-4)
+        ),
+        aspect=st.floats(0.9, 1.1),
+        skew=st.floats(-5.0, 5.0),
+        centre_shift=st.tuples(shift, shift),
     )
 
 

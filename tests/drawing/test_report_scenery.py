@@ -1,5 +1,7 @@
 """What is drawn lies where the camera says: every line is checked against Camera.project."""
 
+from typing import Any
+
 import cv2
 import numpy as np
 import pytest
@@ -25,27 +27,31 @@ POSES = st.fixed_dictionaries(
         "roll_deg": st.floats(-10.0, 10.0),
         "height_m": st.floats(2.5, 15.0),
         "k1": st.floats(-0.3, 0.1),
+        "fisheye": st.booleans(),
     }
 )
 
 
 def built(pose: dict[str, float]) -> Camera:
+    """A fisheye camera sees 36 to 180 degrees across."""
+    lens: dict[str, Any] = {"distortion": (pose["k1"], 0.0, 0.0, 0.0, 0.0)}
+    if pose["fisheye"]:
+        lens = {"distortion": (pose["k1"] / 5, 0, 0, 0), "distortion_model": "fisheye"}
     return Camera.from_pose(
         image_size=(int(pose["width"]), int(pose["height"])),
-        focal_px=pose["width"] * pose["focal_of_width"],
+        focal_px=pose["width"] * pose["focal_of_width"] * (0.64 if pose["fisheye"] else 1.0),
         tilt_rad=float(np.radians(pose["tilt_deg"])),
         roll_rad=float(np.radians(pose["roll_deg"])),
         height_m=pose["height_m"],
-        distortion=(pose["k1"], 0.0, 0.0, 0.0, 0.0),
+        **lens,
     )
 
 
 def frame_pixels(camera: Camera, xyz: np.ndarray) -> np.ndarray:
     """Independent of the package's lens: OpenCV's projection of world points."""
     rotation, _ = cv2.Rodrigues(camera.R)
-    uv, _ = cv2.projectPoints(
-        xyz.reshape(-1, 1, 3), rotation, camera.t, camera.K, camera.distortion
-    )
+    project = cv2.fisheye.projectPoints if camera.is_fisheye else cv2.projectPoints
+    uv, _ = project(xyz.reshape(-1, 1, 3), rotation, camera.t, camera.K, camera.distortion)
     return uv.reshape(-1, 2)
 
 
@@ -92,6 +98,28 @@ def test_the_horizon_spans_the_frame_and_bends_with_the_lens():
     bent = scenery.horizon_curve(scenes.camera(tilt_rad=0.1, roll_rad=0.0, distortion=BARREL))
     bent = bent[scenery.in_frame(bent, (768, 576))]
     assert bent[len(bent) // 2, 1] < bent[0, 1] - 0.5
+
+
+def test_a_fisheye_bends_the_horizon_and_the_grid_and_its_ticks_are_as_long_as_elsewhere():
+    camera = Camera.from_pose(
+        image_size=(1280, 960), focal_px=420.0, tilt_rad=0.5, roll_rad=0.0, height_m=4.0,
+        distortion=(-0.01, 0.0, 0.0, 0.0), distortion_model="fisheye",
+    )  # fmt: skip
+    curve = scenery.horizon_curve(camera)
+    curve = curve[scenery.in_frame(curve, (1280, 960))]
+    assert curve[0, 0] < 5 and curve[-1, 0] > 1275
+    assert np.hypot(*np.diff(curve, axis=0).T).max() < 10
+    assert curve[0, 1] > curve[len(curve) // 2, 1] + 100  # it sags towards the sides
+    far = scenery.image_of(camera, np.array([[1e6, 1e6, 4.0]]))[0]  # 60 degrees to the right
+    assert np.hypot(*(curve - far).T).min() < 10
+    across = [
+        g for g in scenery.grid_lines(camera, Area(-30.0, 30.0, 1.0, 30.0), 5.0) if g.axis == "y"
+    ]
+    uv = across[0].uv[np.isfinite(across[0].uv[:, 0])]
+    assert uv[0, 1] < uv[len(uv) // 2, 1] - 50
+    ticks = scenery.vertical_ticks(camera)
+    length = np.hypot(*(ticks[:, -1] - ticks[:, 0]).T)
+    assert len(ticks) > 40 and length.min() > 0.6 * length.max()
 
 
 def test_steep_and_straight_down_cameras_show_no_horizon():

@@ -1,6 +1,7 @@
 """Camera files: known cameras, independent readers, round trips."""
 
 import json
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -14,6 +15,7 @@ from scene4d.core import geometry
 from scene4d.core.camera import Camera, Lens
 from scene4d.core.errors import InputError, OutputError
 from scene4d.formats.cameras import camera_formats, read_camera, read_lens, write_camera
+from strategies import build_fisheye, fisheye_lenses
 
 WRITABLE = [f.name for f in camera_formats() if f.write]
 NO_DISTORTION = ("deepstream", "matrix")
@@ -71,6 +73,71 @@ def test_what_is_written_reads_back(tmp_path_factory, name, numbers):
         return
     np.testing.assert_allclose(found.R, camera.R, atol=1e-9)
     np.testing.assert_allclose(found.t, camera.t, atol=1e-7)
+
+
+FISHEYE = [f.name for f in camera_formats() if f.write and f.fisheye]
+
+
+@pytest.mark.parametrize("name", FISHEYE)
+@settings(max_examples=20, deadline=None)
+@given(lens=fisheye_lenses(), tilt=st.floats(0.1, 1.5))
+def test_a_fisheye_camera_reads_back(tmp_path_factory, name, lens, tilt):
+    lens = replace(lens, K=lens.K * [[1, 0, 1], [1, 1, 1], [1, 1, 1]])  # COLMAP knows no skew
+    camera = lens.posed(geometry.rotation_from_tilt_roll(tilt, 0.1), np.array([0.1, 2.0, 3.0]))
+    path = tmp_path_factory.mktemp("cameras") / FILE_NAMES[name]
+    write_camera(camera, path, name)
+    found = read_camera(path)
+    assert found.is_fisheye
+    np.testing.assert_array_equal(found.distortion, camera.distortion)
+    np.testing.assert_allclose(found.K, camera.K, rtol=1e-12)
+    if name != "ros":
+        np.testing.assert_allclose(found.R, camera.R, atol=1e-9)
+
+
+def test_formats_without_fisheye_lenses_refuse_them(tmp_path):
+    assert set(FISHEYE) == {"json", "opencv-yaml", "opencv-xml", "colmap", "ros"}
+    camera = build_fisheye().posed(geometry.R_OVERHEAD, np.array([0.0, 0.0, 3.0]))
+    for name in set(WRITABLE) - set(FISHEYE):
+        with pytest.raises(InputError, match=f"{name}' has no place for a fisheye.*colmap"):
+            write_camera(camera, tmp_path / FILE_NAMES[name], name)
+    assert not list(tmp_path.iterdir())
+
+
+def test_we_read_the_fisheye_files_of_opencv(tmp_path):
+    """As OpenCV's calibration sample writes them: four coefficients and ``fisheye_model``."""
+    K, d = (
+        np.array([[400.0, 0, 630.25], [0, 410, 366.5], [0, 0, 1]]),
+        np.array([0.1, 0.02, 0, 1e-4]),
+    )
+    path = tmp_path / "out.yml"
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    storage.write("image_width", 1280)
+    storage.write("image_height", 720)
+    storage.write("fisheye_model", 1)
+    storage.write("camera_matrix", K)
+    storage.write("distortion_coefficients", d[:, None])
+    storage.release()
+    lens = read_lens(path)
+    assert lens.is_fisheye
+    np.testing.assert_array_equal(lens.distortion, d)
+    path.write_text(path.read_text().replace("fisheye_model: 1", "fisheye_model: 0"))
+    np.testing.assert_array_equal(read_lens(path).distortion, [*d, 0.0])  # k1 k2 p1 p2
+
+
+@pytest.mark.parametrize(
+    ("line", "distortion"),
+    [
+        ("1 SIMPLE_RADIAL_FISHEYE 1280 720 400 640 360 0.05", (0.05, 0, 0, 0)),
+        ("1 RADIAL_FISHEYE 1280 720 400 640 360 0.05 -0.01", (0.05, -0.01, 0, 0)),
+        ("1 OPENCV_FISHEYE 1280 720 400 410 640 360 0.1 0.2 0.3 0.4", (0.1, 0.2, 0.3, 0.4)),
+    ],
+)
+def test_fisheye_models_of_colmap(tmp_path, line, distortion):
+    (tmp_path / "cameras.txt").write_text(line + "\n")
+    lens = read_lens(tmp_path)
+    assert lens.is_fisheye
+    np.testing.assert_array_equal(lens.distortion, distortion)
+    np.testing.assert_array_equal(lens.K[:2, 2], [639.5, 359.5])
 
 
 def test_every_writable_format_is_in_the_round_trip():

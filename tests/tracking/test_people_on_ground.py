@@ -39,7 +39,10 @@ def rms(located: Located, people: Crowd) -> float:
 
 
 @settings(max_examples=60)
-@given(strategies.views(), st.floats(0.0, 1.8))
+@given(
+    strategies.views() | strategies.views(strategies.cameras(strategies.fisheye_lenses())),
+    st.floats(0.0, 1.8),
+)
 def test_rays_and_their_derivatives_agree_with_the_camera(view, height):
     camera, _, flat = view
     uv, valid = camera.distort(flat)

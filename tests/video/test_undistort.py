@@ -1,5 +1,7 @@
 """Undistorted frames agree with the geometry of points."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -16,9 +18,15 @@ def lens(distortion: np.ndarray = DISTORTION, skew: float = 0.0) -> Lens:
     return Lens((640, 360), K, distortion)
 
 
+def fisheye(skew: float) -> Lens:
+    curve = np.array([-0.05, 0.02, -0.01, 0.002])
+    return replace(lens(skew=skew), distortion=curve, distortion_model="fisheye")
+
+
 @pytest.mark.parametrize("skew", [0.0, 25.0])
-def test_a_mark_moves_to_where_its_point_is_undistorted(skew):
-    camera = lens(skew=skew)
+@pytest.mark.parametrize("kind", ["pinhole", "fisheye"])
+def test_a_mark_moves_to_where_its_point_is_undistorted(skew, kind):
+    camera = fisheye(skew) if kind == "fisheye" else lens(skew=skew)
     undistorter = Undistorter(camera)
     for uv in [(60, 50), (330, 170), (580, 300), (100, 310), (500, 40)]:
         image = np.zeros((360, 640, 3), np.uint8)

@@ -73,7 +73,8 @@ class ImageFrame:
             distortion = geometry.refocused(self.lens.distortion, stretch)
         R = geometry.rotation_from_tilt_roll(parameters[TILT], parameters[ROLL])
         t = -R @ np.array([0.0, 0.0, np.exp(parameters[HEIGHT])])
-        return Camera(self.image_size, K, distortion, R, t)
+        model = "pinhole" if self.lens is None else self.lens.distortion_model
+        return Camera(self.image_size, K, distortion, R, t, distortion_model=model)
 
 
 @dataclass(frozen=True, eq=False)

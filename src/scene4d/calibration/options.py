@@ -123,6 +123,12 @@ class CalibrateOptions:
             from scene4d.formats.cameras import read_lens
 
             lens = read_lens(lens, image_size=image_size)
+        if lens is not None and lens.is_fisheye and self.estimate_focal:
+            raise InputError(
+                "estimate_focal: which way a pixel of a fisheye lens looks depends on its focal "
+                "length, so that its distortion alone cannot be used; pass the lens without "
+                "estimate_focal, or no lens"
+            )
         if not isinstance(orientation, Orientation) and orientation not in _WORDS:
             orientation = Orientation.load(orientation)
         return replace(self, lens=lens, orientation=orientation)

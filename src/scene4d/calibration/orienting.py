@@ -111,10 +111,8 @@ class OrientationReading:
         )
         if self.lens is None:
             return posed
-        K = self.lens.K.copy()
-        if not self.focal_known:
-            K[:2, :2] *= told.focal_px / K[1, 1]
-        return replace(posed, K=K, distortion=self.lens.distortion)
+        stretch = 1.0 if self.focal_known else told.focal_px / float(self.lens.K[1, 1])
+        return self.lens.refocused(stretch).posed(posed.R, posed.t)
 
     @cached_property
     def intervals(self) -> dict[str, tuple[float, float]]:

@@ -89,7 +89,8 @@ def export(
           --anchor 420,510,53.4401,-0.9432 --anchor 130,390,53.4405,-0.9429
 
     ROS camera_info holds only the lens. DeepStream and the bare 3x4 matrix hold no distortion: use
-    them with undistorted images.
+    them with undistorted images. Fisheye cameras can be written as json, opencv-yaml, opencv-xml,
+    colmap and ros.
     """
     from scene4d.cli.exporting import is_scene
 

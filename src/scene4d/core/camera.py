@@ -22,7 +22,8 @@ SCHEMAS = ("scene4d/camera/1", SCHEMA)
 _ASPECT_TOLERANCE = 0.01
 """Largest change of the aspect ratio (share) when a lens is rescaled. Chosen: sizes rounded to
 multiples of 8 or 16 are within it, a crop or another sensor mode is not."""
-_SHAPES = {"K": (3, 3), "distortion": (5,), "R": (3, 3), "t": (3,)}
+_COEFFICIENTS = {"pinhole": 5, "fisheye": 4}
+"""Distortion models by name, and how many coefficients each has."""
 
 
 def _frozen(values: Any, shape: tuple[int, ...], name: str) -> np.ndarray:
@@ -48,18 +49,26 @@ def _unwrapped(
 class Lens:
     """Intrinsics and distortion of a camera, without its pose.
 
-    ``K`` 3x3 in pixels, ``distortion`` in OpenCV's order (k1, k2, p1, p2, k3), ``image_size``
-    (width, height) in pixels. Raises :class:`InputError` for invalid values.
+    ``K`` 3x3 in pixels, ``image_size`` (width, height) in pixels. ``distortion`` has OpenCV's
+    coefficients: (k1, k2, p1, p2, k3) if ``distortion_model`` is "pinhole", and (k1, k2, k3, k4)
+    if it is "fisheye". Raises :class:`InputError` for invalid values.
     """
 
     image_size: ImageSize
     K: Float[np.ndarray, "3 3"]
-    distortion: Float[np.ndarray, "5"] = field(default_factory=lambda: np.zeros(5))
+    distortion: Float[np.ndarray, "k"] = field(default_factory=lambda: np.zeros(5))
+    distortion_model: str = field(default="pinhole", kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "image_size", as_image_size(self.image_size))
         object.__setattr__(self, "K", _frozen(self.K, (3, 3), "K"))
-        object.__setattr__(self, "distortion", _frozen(self.distortion, (5,), "distortion"))
+        if self.distortion_model not in _COEFFICIENTS:
+            raise InputError(
+                f"distortion_model must be {' or '.join(map(repr, _COEFFICIENTS))}, "
+                f"found {quoted(self.distortion_model)}"
+            )
+        shape = (_COEFFICIENTS[self.distortion_model],)
+        object.__setattr__(self, "distortion", _frozen(self.distortion, shape, "distortion"))
         if self.K[0, 0] <= 0 or self.K[1, 1] <= 0:
             raise InputError(f"K must have positive focal lengths, found {self.K.diagonal()[:2]}")
         if np.any(self.K[[1, 2, 2], [0, 0, 1]]) or self.K[2, 2] != 1:
@@ -67,6 +76,29 @@ class Lens:
                 "K must be upper triangular with last row 0 0 1 (pixel = K x / z), "
                 f"found {self.K.tolist()}"
             )
+
+    @property
+    def is_fisheye(self) -> bool:
+        """Whether the distortion model is that of a fisheye lens."""
+        return self.distortion_model == "fisheye"
+
+    @property
+    def bends(self) -> bool:
+        """Whether pixels of the footage differ from undistorted ones."""
+        return self.is_fisheye or bool(np.any(self.distortion))
+
+    def posed(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> "Camera":
+        """The camera with this lens at the pose ``cam_from_world = [R | t]`` in metres."""
+        model = self.distortion_model
+        return Camera(self.image_size, self.K, self.distortion, R, t, distortion_model=model)
+
+    def refocused(self, stretch: float) -> "Lens":
+        """The lens with the focal length ``stretch`` times as long, and the same distortion as a
+        function of the position on the sensor.
+        """
+        K = self.K.copy()
+        K[:2, :2] *= stretch
+        return replace(self, K=K, distortion=geometry.refocused(self.distortion, stretch))
 
     def scaled_to(self, image_size: ImageSize) -> "Lens":
         """The same lens for frames of another size; raises :class:`InputError` if the aspect ratio
@@ -90,12 +122,16 @@ class Lens:
     def distort(self, uv: PointsLike) -> tuple[Float[np.ndarray, "*n 2"], Bool[np.ndarray, "*n"]]:
         """Undistorted pixels to pixels of the footage, and which of them the lens can show."""
         points, single = as_points(uv)
-        return _unwrapped(*geometry.distort(points, self.K, self.distortion), single)
+        distort = geometry.distort_fisheye if self.is_fisheye else geometry.distort
+        return _unwrapped(*distort(points, self.K, self.distortion), single)
 
     def undistort(self, uv: PointsLike) -> tuple[Float[np.ndarray, "*n 2"], Bool[np.ndarray, "*n"]]:
-        """Pixels of the footage to undistorted pixels (same K), and which have one."""
+        """Pixels of the footage to undistorted pixels (same K), and which have one: those that see
+        90° or more away from the optical axis of a fisheye lens have none.
+        """
         points, single = as_points(uv)
-        return _unwrapped(*geometry.undistort(points, self.K, self.distortion), single)
+        undistort = geometry.undistort_fisheye if self.is_fisheye else geometry.undistort
+        return _unwrapped(*undistort(points, self.K, self.distortion), single)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -146,6 +182,7 @@ class Camera(Lens):
         roll_rad: float,
         height_m: float,
         distortion: Any = (0.0, 0.0, 0.0, 0.0, 0.0),
+        distortion_model: str = "pinhole",
         centre_uv: tuple[float, float] | None = None,
     ) -> "Camera":
         """The camera of scene4d's world: above the origin, heading along +Y, ground at Z = 0."""
@@ -156,6 +193,7 @@ class Camera(Lens):
             image_size=image_size,
             K=np.array([[focal_px, 0, cu], [0, focal_px, cv], [0, 0, 1.0]]),
             distortion=np.asarray(distortion, float),
+            distortion_model=distortion_model,
             R=R,
             t=-R @ np.array([0.0, 0.0, height_m]),
         )
@@ -163,7 +201,8 @@ class Camera(Lens):
     @property
     def lens(self) -> Lens:
         """Intrinsics and distortion alone."""
-        return Lens(self.image_size, self.K, self.distortion)
+        model = self.distortion_model
+        return Lens(self.image_size, self.K, self.distortion, distortion_model=model)
 
     @property
     def P(self) -> Float[np.ndarray, "3 4"]:
@@ -219,13 +258,13 @@ class Camera(Lens):
     ) -> tuple[Float[np.ndarray, "*n 2"], Bool[np.ndarray, "*n"]]:
         """World points, or one, to pixels of the footage ``(uv, valid)``.
 
-        Invalid (NaN) behind the camera and outside the range of the lens model. With
-        ``undistorted`` the pixels are undistorted ones.
+        Invalid (NaN) behind the camera (for a fisheye lens too, which might show such points) and
+        outside the range of the lens model. With ``undistorted`` the pixels are undistorted ones.
         """
         points, single = as_points(xyz_m, 3, "xyz_m")
         uv, valid = geometry.project(self.P, points)
         if not undistorted:
-            uv, valid = geometry.distort(uv, self.K, self.distortion)
+            uv, valid = self.distort(uv)
         return _unwrapped(uv, valid, single)
 
     def locate(
@@ -244,7 +283,7 @@ class Camera(Lens):
         """
         points, single = as_points(uv)
         if not undistorted:
-            points, _ = geometry.undistort(points, self.K, self.distortion)
+            points, _ = self.undistort(points)
         height = np.asarray(height_m, float)
         if height.shape not in ((), (len(points),)):
             raise InputError(
@@ -263,18 +302,17 @@ class Camera(Lens):
         The principal point is in half diagonals.
         """
         d_log_f, d_tilt, d_roll, d_log_h, d_corner = step[:5]
-        stretch = np.exp(d_log_f)
-        K = self.K.copy()
-        K[:2, :2] *= stretch
-        K[: len(step) - 5, 2] += np.asarray(step[5:]) * np.hypot(*self.image_size) / 2
-        distortion = geometry.refocused(self.distortion, float(stretch))
-        distortion[0] += d_corner * (2 * K[0, 0] / np.hypot(*self.image_size)) ** 2
+        lens = self.lens.refocused(float(np.exp(d_log_f)))
+        half_diagonal = float(np.hypot(*self.image_size)) / 2
+        K, distortion = lens.K.copy(), lens.distortion.copy()
+        K[: len(step) - 5, 2] += np.asarray(step[5:]) * half_diagonal
+        distortion[0] += d_corner * (K[0, 0] / half_diagonal) ** 2
         tilt, roll = self.tilt_rad, self.roll_rad
         before = geometry.rotation_from_tilt_roll(tilt, roll)
         R = geometry.rotation_from_tilt_roll(tilt + d_tilt, roll + d_roll) @ before.T @ self.R
         centre = self.centre_m
         centre[2] *= np.exp(d_log_h)
-        return replace(self, K=K, distortion=distortion, R=R, t=-R @ centre)
+        return replace(lens, K=K, distortion=distortion).posed(R, -R @ centre)
 
     def to_dict(self) -> dict[str, Any]:
         """The fields of ``camera.json`` that describe the camera itself.
@@ -294,6 +332,7 @@ class Camera(Lens):
             "schema": SCHEMA,
             "image_size": list(self.image_size),
             "K": self.K.tolist(),
+            **({"distortion_model": self.distortion_model} if self.is_fisheye else {}),
             "distortion": self.distortion.tolist(),
             "R": self.R.tolist(),
             "t": self.t.tolist(),
@@ -312,12 +351,14 @@ class Camera(Lens):
         if "status" in fields and fields.text("status") != "ok":
             reason = fields.text("reason") if "reason" in fields else "undetermined"
             raise InputError(f"{fields.where}: holds no camera: {reason}")
-        if "distortion_model" in fields:
-            raise fields.error("distortion_model", "absent: only k1 k2 p1 p2 k3 are read here")
+        model = fields.text("distortion_model") if "distortion_model" in fields else "pinhole"
+        if model not in _COEFFICIENTS:
+            raise fields.error("distortion_model", "'fisheye', or absent for the pinhole model")
         size = fields.array("image_size", 2)
-        values = {name: fields.array(name, *shape) for name, shape in _SHAPES.items()}
+        shapes = {"K": (3, 3), "distortion": (_COEFFICIENTS[model],), "R": (3, 3), "t": (3,)}
+        values = {name: fields.array(name, *shape) for name, shape in shapes.items()}
         try:
-            camera = cls(image_size=as_image_size(size), **values)
+            camera = cls(image_size=as_image_size(size), distortion_model=model, **values)
         except InputError as error:
             raise prefixed(error, Path(fields.where)) from error
         if camera.height_m <= 0:

@@ -252,7 +252,8 @@ def _rows_away(camera: Camera) -> str:
     width, height = camera.image_size
     if not abs(b) > 1e-3:
         return ""
-    v = -(a * (width - 1) / 2 + c) / b
+    middle = (width - 1) / 2
+    v = float(camera.distort([middle, -(a * middle + c) / b])[0][1])
     away = -v if v < 0 else v - (height - 1)
     return f"{away:.0f} px " if 0 < away < 5 * height else ""
 

@@ -40,9 +40,9 @@ def image_of(camera: Camera, xyz_m: Float[np.ndarray, "n 3"]) -> Float[np.ndarra
 def horizon_curve(camera: Camera, samples: int = 801) -> Float[np.ndarray, "n 2"]:
     """The horizon in the footage (bent by the lens), from left to right.
 
-    Its points are the images of ``forward + s · right`` on the ground at infinity, linear in
-    ``s`` before distortion. Empty for a camera that looks straight down; NaN further than one
-    image size outside the frame.
+    Its points are the images of ``forward + s · right`` on the ground at infinity, at equal angles
+    from the optical axis. Empty for a camera that looks straight down; NaN further than one image
+    size outside the frame.
     """
     forward = camera.R[2] * np.array([1.0, 1.0, 0.0])
     length = float(np.linalg.norm(forward))
@@ -50,8 +50,10 @@ def horizon_curve(camera: Camera, samples: int = 801) -> Float[np.ndarray, "n 2"
         return np.empty((0, 2))
     forward = forward / length
     right = np.array([forward[1], -forward[0], 0.0])
-    reach = 4 * length * max(1.0, float(np.hypot(*camera.image_size)) / camera.focal_px)
-    s = np.linspace(-reach, reach, samples)[:, None]
+    reach_rad = np.arctan(4 * max(1.0, float(np.hypot(*camera.image_size)) / camera.focal_px))
+    if camera.is_fisheye:
+        reach_rad = np.radians(89.9)
+    s = length * np.tan(np.linspace(-reach_rad, reach_rad, samples))[:, None]
     homogeneous = (forward + s * right) @ (camera.K @ camera.R).T
     frame, _ = camera.distort(homogeneous[:, :2] / homogeneous[:, 2:])
     frame[~in_frame(frame, camera.image_size, float(max(camera.image_size)))] = np.nan
@@ -95,9 +97,14 @@ def vertical_ticks(
     x, y, w = geometry.vertical_vanishing_point(camera.K, camera.R)
     towards = np.column_stack([x - w * at[:, 0], y - w * at[:, 1]])
     reach = np.linalg.norm(towards, axis=1)
-    half = 0.5 * length * float(np.hypot(width, height))
-    keep = reach > 2 * half * abs(w)
-    step = towards[keep] / reach[keep, None] * half
+    direction = towards / np.where(reach > 0, reach, np.nan)[:, None]
+    # Half a tick in undistorted pixels; a pixel of it is ``shown`` pixels of the footage.
+    ends = camera.distort(at + direction)[0] - camera.distort(at - direction)[0]
+    shown = np.linalg.norm(ends, axis=1) / 2
+    half = 0.5 * length * float(np.hypot(width, height)) / shown
+    with np.errstate(invalid="ignore"):
+        keep = reach > 2 * half * abs(w)
+    step = direction[keep] * half[keep, None]
     fraction = np.linspace(-1, 1, 7)[:, None]
     curves = at[keep][:, None] + step[:, None] * fraction
     return camera.distort(curves.reshape(-1, 2))[0].reshape(curves.shape)

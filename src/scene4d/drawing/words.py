@@ -120,18 +120,26 @@ def parameter_rows(calibration: Calibration) -> list[Row]:
         _log_row("Focal length", camera.focal_px, s.get("focal_px"), "px", "in footage pixels", 0),
     ]
     rows += _view_rows(camera, C)
-    if np.any(camera.distortion):
-        sigma = None if C is None else k1_sigma(camera, C)
-        meaning = "radial coefficient k₁; negative is barrel distortion"
-        rows.append(_row("Distortion", float(camera.distortion[0]), sigma, "", meaning, 3))
-        names = ("k2", "p1", "p2", "k3")
-        rest = ", ".join(
-            f"{n} = {number(float(x), 4)}"
-            for n, x in zip(names, camera.distortion[1:], strict=True)
-            if x
-        )
-        if rest:
-            rows.append(Row("Further coefficients", rest, "", "OpenCV's lens model"))
+    return rows + _lens_rows(camera, C)
+
+
+def _lens_rows(camera: Camera, covariance: np.ndarray | None) -> list[Row]:
+    if not camera.bends:
+        return []
+    sigma = None if covariance is None else k1_sigma(camera, covariance)
+    meaning = "radial coefficient k₁; negative is barrel distortion"
+    names, model = "k2 p1 p2 k3", ""
+    if camera.is_fisheye:
+        meaning = "coefficient k₁ of OpenCV's fisheye model"
+        names, model = "k2 k3 k4", "fisheye "
+    rows = [_row("Distortion", float(camera.distortion[0]), sigma, "", meaning, 3)]
+    rest = ", ".join(
+        f"{n} = {number(float(x), 4)}"
+        for n, x in zip(names.split(), camera.distortion[1:], strict=True)
+        if x
+    )
+    if rest:
+        rows.append(Row("Further coefficients", rest, "", f"OpenCV's {model}lens model"))
     return rows
 
 

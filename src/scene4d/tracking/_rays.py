@@ -30,14 +30,16 @@ class Rays:
     """Rays of the world through pixels of the footage; NaN for pixels without one.
 
     ``direction`` has unit depth along the optical axis; ``by_uv`` is its derivative with respect to
-    the pixel. ``row_normal`` is the unit normal of the pixel row's viewing plane, down the image.
+    the pixel. ``row_normal`` is the unit normal of the plane in which the rays of the pixel's row
+    lie (touch it, where the lens bends the row), down the image. ``scale_px`` is the image scale at
+    unit depth, perpendicular to the view.
     """
 
     origin_m: Float[np.ndarray, "3"]
     direction: Float[np.ndarray, "n 3"]
     by_uv: Float[np.ndarray, "n 3 2"]
     row_normal: Float[np.ndarray, "n 3"]
-    focal_px: float
+    scale_px: Float[np.ndarray, "n"]
 
     @classmethod
     def through(cls, camera: Camera, uv: Float[np.ndarray, "n 2"]) -> "Rays":
@@ -45,19 +47,20 @@ class Rays:
         flat, valid = camera.undistort(uv)
         flat = np.where(valid[:, None], flat, np.nan)
         to_world = np.linalg.inv(camera.K).T @ camera.R
-        y = (flat[:, 1] - camera.K[1, 2]) / camera.K[1, 1]
-        normal = np.column_stack([np.zeros_like(y), np.ones_like(y), -y]) @ camera.R
+        direction = np.column_stack([flat, np.ones(len(flat))]) @ to_world
+        by_uv = to_world[:2].T @ _undistortion(camera, flat)
+        normal = np.cross(direction, by_uv[:, :, 0])
         return cls(
             origin_m=camera.centre_m,
-            direction=np.column_stack([flat, np.ones(len(flat))]) @ to_world,
-            by_uv=to_world[:2].T @ _undistortion(camera, flat),
-            row_normal=normal / np.sqrt(1 + y * y)[:, None],
-            focal_px=camera.focal_px,
+            direction=direction,
+            by_uv=by_uv,
+            row_normal=normal / np.linalg.norm(normal, axis=1, keepdims=True),
+            scale_px=camera.focal_px * _shrinkage(camera, uv, flat),
         )
 
     def select(self, rows: Bool[np.ndarray, "n"] | slice) -> "Rays":
         """The given rays."""
-        arrays = ("direction", "by_uv", "row_normal")
+        arrays = ("direction", "by_uv", "row_normal", "scale_px")
         return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
 
     def split(self, parts: int) -> list["Rays"]:
@@ -77,7 +80,15 @@ class Rays:
             )
             met = depth / depth  # 1, or NaN where the ray does not meet the level
             xy_m = self.origin_m[:2] + depth[:, None] * d[:, :2]
-        return Level(xy_m, by_uv, slope * met[:, None], self.focal_px / depth)
+        return Level(xy_m, by_uv, slope * met[:, None], self.scale_px / depth)
+
+
+def _shrinkage(camera: Camera, uv: np.ndarray, flat: np.ndarray) -> np.ndarray:
+    """Distance of pixels (n,) from the principal point, as a share of the undistorted distance."""
+    centre = camera.K[:2, 2]
+    straight = np.hypot(*(flat - centre).T)
+    share = np.hypot(*(uv - centre).T) / np.where(straight > 1.0, straight, np.nan)
+    return np.where(straight > 1.0, share, 1.0)
 
 
 def _undistortion(camera: Camera, flat: np.ndarray) -> np.ndarray:
@@ -85,7 +96,7 @@ def _undistortion(camera: Camera, flat: np.ndarray) -> np.ndarray:
 
     The inverse of the distortion's derivative, from central differences.
     """
-    if not np.any(camera.distortion):
+    if not camera.bends:
         return np.broadcast_to(np.eye(2), (len(flat), 2, 2))
     with np.errstate(all="ignore"):  # pixels without a ray
         columns = [

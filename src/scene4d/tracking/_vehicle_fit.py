@@ -77,7 +77,7 @@ class Outline:
 
     def __init__(self, camera: Camera, shape: VehicleShape) -> None:
         self._camera, self._shape, self._P = camera, shape, camera.P
-        self._curved = bool(np.any(camera.distortion))
+        self._curved = camera.bends
         self._reach2 = self._image_radius2() if self._curved else np.inf
 
     def _image_radius2(self) -> float:

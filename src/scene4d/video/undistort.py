@@ -18,9 +18,10 @@ class Undistorter:
     def __init__(self, lens: Lens) -> None:
         self.lens = lens
         self._maps: tuple[np.ndarray, np.ndarray] | None = None
-        if lens.distortion.any():
-            u, v = cv2.initUndistortRectifyMap(
-                lens.K, lens.distortion, None, lens.K, lens.image_size, cv2.CV_32FC1
+        if lens.bends:
+            maps = cv2.fisheye if lens.is_fisheye else cv2
+            u, v = maps.initUndistortRectifyMap(
+                lens.K, lens.distortion, np.eye(3), lens.K, lens.image_size, cv2.CV_32FC1
             )
             u += np.float32(lens.K[0, 1] / lens.K[1, 1]) * (v - np.float32(lens.K[1, 2]))
             self._maps = cv2.convertMaps(u, v, cv2.CV_16SC2)  # fixed point: twice as fast

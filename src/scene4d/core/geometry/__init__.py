@@ -4,9 +4,11 @@ from scene4d.core.geometry.alignment import rigid_fit
 from scene4d.core.geometry.distortion import (
     NO_DISTORTION,
     distort,
+    distort_fisheye,
     opencv_from_tsai,
     refocused,
     undistort,
+    undistort_fisheye,
 )
 from scene4d.core.geometry.homography import apply_homography, pose_from_homography
 from scene4d.core.geometry.projection import (
@@ -34,6 +36,7 @@ __all__ = [
     "apply_homography",
     "camera_centre",
     "distort",
+    "distort_fisheye",
     "horizon_line",
     "is_rotation",
     "locate",
@@ -50,5 +53,6 @@ __all__ = [
     "rotation_vector",
     "tilt_roll_from_rotation",
     "undistort",
+    "undistort_fisheye",
     "vertical_vanishing_point",
 ]

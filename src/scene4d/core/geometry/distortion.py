@@ -1,7 +1,13 @@
-"""Lens distortion: OpenCV's radial-tangential model both ways, and Tsai's model as OpenCV's.
+"""Lens distortion: OpenCV's two models both ways, and Tsai's model as one of them.
 
-Coefficients are in OpenCV's order ``(k1, k2, p1, p2, k3)``; undistorted pixels keep the same K.
+The pinhole model has OpenCV's radial and tangential coefficients ``(k1, k2, p1, p2, k3)``. The
+fisheye model is that of ``cv2.fisheye`` (Kannala and Brandt 2006): a ray at the angle θ from the
+optical axis appears ``θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸)`` focal lengths from the principal
+point. Undistorted pixels are those of a pinhole camera with the same K, so that a ray at 90° or
+more from the axis has none.
 """
+
+from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -13,6 +19,8 @@ _ITERATIONS = 60
 """Most steps of Newton's method, and of its bracket: enough to halve an interval to rounding."""
 _TOLERANCE = 1e-12
 """A smaller step (in focal lengths) ends it: 1e-9 px at a focal length of 1000."""
+_WIDEST_RAD = np.pi / 2 - 1e-6
+"""Rays further from the axis have no undistorted pixel: it would be a million focal lengths off."""
 
 
 def _normalise(uv: np.ndarray, K: np.ndarray) -> np.ndarray:
@@ -78,40 +86,52 @@ def _before_fold(xy: np.ndarray, jacobian: np.ndarray, fold: float) -> np.ndarra
 
 
 def _fold_radius(d: np.ndarray) -> float:
-    """Radius at which the radial map stops growing; infinity where it never does.
+    """Radius at which the radial map stops growing; infinity where it never does."""
+    return _first_fold(np.array([3 * d[0], 5 * d[1], 7 * d[4]]))
 
-    With w = 1 / r² the slope's zeros are those of ``w³ + 3 k1 w² + 5 k2 w + 7 k3``, and the
-    largest positive one is the first fold.
+
+def _first_fold(slope: np.ndarray) -> float:
+    """The least r > 0 at which ``1 + s₁ r² + s₂ r⁴ + …`` is zero; infinity where there is none.
+
+    With w = 1 / r² it is the largest positive zero of ``wⁿ + s₁ wⁿ⁻¹ + s₂ wⁿ⁻² + …``.
     """
-    roots = np.roots([1.0, 3 * d[0], 5 * d[1], 7 * d[4]])
+    roots = np.roots([1.0, *slope])
     real = roots[np.abs(roots.imag) <= 1e-9 * np.abs(roots)].real
     largest = float(real.max(initial=0.0))
     return float(1 / np.sqrt(largest)) if largest > 0 else np.inf
 
 
 def _radial_inverse(r_d: np.ndarray, d: np.ndarray, fold: float) -> np.ndarray:
-    """Radii whose radial image is ``r_d``, or ``fold`` where it is out of reach.
-
-    Up to the fold the map grows, so Newton's method kept inside a bracket cannot miss.
-    """
+    """Radii whose radial image is ``r_d``, or ``fold`` where it is out of reach."""
 
     def radial(r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         r2 = r * r
         value = r * (1 + r2 * (d[0] + r2 * (d[1] + r2 * d[4])))
         return value, 1 + r2 * (3 * d[0] + r2 * (5 * d[1] + r2 * 7 * d[4]))
 
-    low, high = np.zeros_like(r_d), np.minimum(r_d, fold)
+    return _inverse(radial, r_d, fold)
+
+
+def _inverse(
+    curve: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], target: np.ndarray, top: float
+) -> np.ndarray:
+    """Where a curve through zero, given with its slope, has the values ``target``; ``top`` where
+    they are out of reach.
+
+    Up to ``top`` the curve grows, so Newton's method kept inside a bracket cannot miss.
+    """
+    low, high = np.zeros_like(target), np.minimum(target, top)
     for _ in range(_ITERATIONS):
-        short = (radial(high)[0] < r_d) & (high < fold)
+        short = (curve(high)[0] < target) & (high < top)
         if not short.any():
             break
-        high = np.where(short, np.minimum(2 * high, fold), high)
+        high = np.where(short, np.minimum(2 * high, top), high)
     r = high
     for _ in range(_ITERATIONS):
-        value, slope = radial(r)
-        far = value > r_d
+        value, slope = curve(r)
+        far = value > target
         low, high = np.where(far, low, r), np.where(far, r, high)
-        newton = r - (value - r_d) / slope
+        newton = r - (value - target) / slope
         inside = (newton > low) & (newton < high)
         step = np.where(inside, newton, (low + high) / 2) - r
         r = r + step
@@ -152,12 +172,61 @@ def undistort(
     return _pixels(xy, K), valid
 
 
-def refocused(distortion: Float[np.ndarray, "5"], stretch: float) -> Float[np.ndarray, "5"]:
-    """Coefficients of the same lens when its focal length is given ``stretch`` times as long.
+def distort_fisheye(
+    uv: Float[np.ndarray, "n 2"], K: Float[np.ndarray, "3 3"], distortion: Float[np.ndarray, "4"]
+) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+    """As :func:`distort`, for a fisheye lens with the coefficients (k1, k2, k3, k4)."""
+    with np.errstate(all="ignore"):  # pixels that are not finite are invalid
+        xy = _normalise(uv, K)
+        r = np.hypot(xy[:, 0], xy[:, 1])
+        angle = np.arctan(r)
+        gain = np.where(r > 0, _fisheye_curve(angle, distortion)[0] / r, 1.0)
+        valid = (angle < _fisheye_reach_rad(distortion)) & np.isfinite(r)
+        bent = xy * gain[:, None]
+    bent[~valid] = np.nan
+    return _pixels(bent, K), valid
+
+
+def undistort_fisheye(
+    uv: Float[np.ndarray, "n 2"], K: Float[np.ndarray, "3 3"], distortion: Float[np.ndarray, "4"]
+) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+    """As :func:`undistort`, for a fisheye lens with the coefficients (k1, k2, k3, k4).
+
+    Pixels that see 90° or more away from the optical axis are invalid.
+    """
+    reach = min(_fisheye_reach_rad(distortion), _WIDEST_RAD)
+    with np.errstate(all="ignore"):  # pixels that are not finite are invalid
+        target = _normalise(uv, K)
+        r_d = np.hypot(target[:, 0], target[:, 1])
+        valid = r_d < _fisheye_curve(np.full(1, reach), distortion)[0]
+        angle = _inverse(lambda a: _fisheye_curve(a, distortion), r_d, reach)
+        gain = np.where(r_d > 0, np.tan(angle) / r_d, 1.0)
+        xy = target * gain[:, None]
+    xy[~valid] = np.nan
+    return _pixels(xy, K), valid
+
+
+def _fisheye_curve(angle_rad: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distance from the principal point in focal lengths, and its slope over the angle."""
+    a2 = angle_rad * angle_rad
+    value = angle_rad * (1 + a2 * (d[0] + a2 * (d[1] + a2 * (d[2] + a2 * d[3]))))
+    slope = 1 + a2 * (3 * d[0] + a2 * (5 * d[1] + a2 * (7 * d[2] + a2 * 9 * d[3])))
+    return value, slope
+
+
+def _fisheye_reach_rad(d: np.ndarray) -> float:
+    """Angle from the axis up to which a fisheye curve grows, at most 90°."""
+    return min(_first_fold(np.array([3, 5, 7, 9]) * d), np.pi / 2)
+
+
+def refocused(distortion: Float[np.ndarray, "k"], stretch: float) -> Float[np.ndarray, "k"]:
+    """Coefficients of the same lens when its focal length is given ``stretch`` times as long: the
+    pinhole model's five, or the fisheye model's four.
 
     A lens bends by position on the sensor, and coefficients apply to position over focal length.
     """
-    return distortion * stretch ** np.array([2, 4, 1, 1, 6])
+    powers = (2, 4, 6, 8) if len(distortion) == 4 else (2, 4, 1, 1, 6)
+    return distortion * stretch ** np.array(powers)
 
 
 def opencv_from_tsai(

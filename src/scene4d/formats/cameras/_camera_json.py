@@ -19,4 +19,6 @@ def _write(camera: Camera) -> str:
     return json.dumps(camera.to_dict(), indent=1, allow_nan=False) + "\n"
 
 
-FORMAT = CameraFormat("json", f"scene4d's own format ({SCHEMA})", _sniff, _read, _write)
+FORMAT = CameraFormat(
+    "json", f"scene4d's own format ({SCHEMA})", _sniff, _read, _write, fisheye=True
+)

@@ -19,7 +19,7 @@ from scene4d.core.camera import Camera, Lens
 from scene4d.core.errors import InputError
 from scene4d.core.text import decimal, floats, quoted, read_text
 from scene4d.formats.cameras._contract import CameraFormat, ImageSize
-from scene4d.formats.cameras._pinhole import five_coefficients, rotation_of_quaternion
+from scene4d.formats.cameras._pinhole import lens_of, rotation_of_quaternion
 
 # Of each model the positions of fx, fy, cx, cy among its parameters, and how many it has; what
 # follows cy are distortion coefficients in OpenCV's order. After COLMAP's documentation of models.
@@ -30,6 +30,9 @@ _MODELS: dict[str, tuple[tuple[int, int, int, int], int]] = {
     "RADIAL": ((0, 0, 1, 2), 5),
     "OPENCV": ((0, 1, 2, 3), 8),
     "FULL_OPENCV": ((0, 1, 2, 3), 12),
+    "SIMPLE_RADIAL_FISHEYE": ((0, 0, 1, 2), 4),
+    "RADIAL_FISHEYE": ((0, 0, 1, 2), 5),
+    "OPENCV_FISHEYE": ((0, 1, 2, 3), 8),
 }
 _HALF_PIXEL = 0.5
 _POSE = 7  # numbers: QW QX QY QZ TX TY TZ
@@ -75,12 +78,12 @@ def _lens(where: str, tokens: list[str]) -> Lens:
     if len(values) != count:
         raise InputError(f"{where}: {model} has {count} parameters, found {len(values)}")
     fx, fy, cx, cy = values[list(places)]
+    K = np.array([[fx, 0, cx - _HALF_PIXEL], [0, fy, cy - _HALF_PIXEL], [0, 0, 1]])
+    size, distortion = (int(width), int(height)), values[places[-1] + 1 :]
     try:
-        distortion = five_coefficients(values[places[-1] + 1 :])
+        return lens_of(size, K, distortion, fisheye=model.endswith("FISHEYE"))
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
-    K = np.array([[fx, 0, cx - _HALF_PIXEL], [0, fy, cy - _HALF_PIXEL], [0, 0, 1]])
-    return Lens((int(width), int(height)), K, distortion)
 
 
 def _lenses(folder: Path) -> dict[str, Lens]:
@@ -189,7 +192,7 @@ def _read(path: Path, image_size: ImageSize | None) -> Camera | Lens:
     if image.camera not in lenses:
         raise InputError(f"camera {quoted(image.camera)} is not in cameras.txt")
     lens = lenses[image.camera]
-    return Camera(lens.image_size, lens.K, lens.distortion, image.R, image.t)
+    return lens.posed(image.R, image.t)
 
 
 def _read_lens(path: Path, image_size: ImageSize | None) -> Lens:
@@ -200,15 +203,17 @@ def _read_lens(path: Path, image_size: ImageSize | None) -> Lens:
 
 
 def _write(camera: Camera) -> dict[str, str]:
-    K, (k1, k2, p1, p2, k3) = camera.K, camera.distortion
+    K, d = camera.K, camera.distortion
     if K[0, 1]:
         raise InputError(f"COLMAP's camera models have no skew, the camera's K has {K[0, 1]}")
     values = [K[0, 0], K[1, 1], K[0, 2] + _HALF_PIXEL, K[1, 2] + _HALF_PIXEL]
     model = "PINHOLE"
-    if k3:
-        model, values = "FULL_OPENCV", [*values, k1, k2, p1, p2, k3, 0.0, 0.0, 0.0]
-    elif np.any(camera.distortion):
-        model, values = "OPENCV", [*values, k1, k2, p1, p2]
+    if camera.is_fisheye:
+        model, values = "OPENCV_FISHEYE", [*values, *d]
+    elif d[4]:
+        model, values = "FULL_OPENCV", [*values, *d, 0.0, 0.0, 0.0]
+    elif np.any(d):
+        model, values = "OPENCV", [*values, *d[:4]]
     x, y, z, w = geometry.quaternion_from_rotation(camera.R)
     pose = " ".join(map(decimal, [w, x, y, z, *camera.t]))
     width, height = camera.image_size
@@ -221,4 +226,6 @@ def _write(camera: Camera) -> dict[str, str]:
     }
 
 
-FORMAT = CameraFormat("colmap", "COLMAP text model (a folder)", _sniff, _read, _write, _read_lens)
+FORMAT = CameraFormat(
+    "colmap", "COLMAP text model (a folder)", _sniff, _read, _write, _read_lens, fisheye=True
+)

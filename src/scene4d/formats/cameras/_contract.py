@@ -18,10 +18,11 @@ class CameraFormat(ReadableFormat):
     ``read(path, image_size)`` returns the camera as the file has it; ``image_size`` only serves
     formats that carry none. ``write`` returns the text of the file, or name → text for formats
     that are a folder. ``read_lens`` replaces ``read`` where intrinsics alone can be had from files
-    that ``read`` must refuse. Readers raise :class:`~scene4d.core.errors.InputError` naming line
-    or field; the registry adds the file.
+    that ``read`` must refuse. Fisheye cameras are written only where ``fisheye`` is true. Readers
+    raise :class:`~scene4d.core.errors.InputError` naming line or field; the registry adds the file.
     """
 
     read: _Reader
     write: Callable[[Camera], str | dict[str, str]] | None = None
     read_lens: _Reader | None = None
+    fisheye: bool = False

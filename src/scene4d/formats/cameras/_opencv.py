@@ -1,11 +1,11 @@
 """OpenCV FileStorage, YAML and XML: what OpenCV's calibration samples and tools write.
 
-Fields: ``camera_matrix`` 3x3, ``distortion_coefficients`` (4, 5, or more where the rest is 0),
-``image_width``, ``image_height``; the pose ``cam_from_world`` in metres as ``extrinsic_matrix``
-(3x4 or 4x4) or as a rotation (``R``, ``rotation_matrix`` 3x3, or ``rvec``) with a translation
-(``T``, ``t``, ``tvec``). Without a pose the file is a lens. ``extrinsic_parameters``, which
-OpenCV's sample writes, are the poses of a chessboard and are not read. Pixel centres lie at
-integers, as here.
+Fields: ``camera_matrix`` 3x3, ``distortion_coefficients`` (4, 5, or more where the rest is 0; the
+four of ``cv2.fisheye`` where ``fisheye_model`` is 1), ``image_width``, ``image_height``; the pose
+``cam_from_world`` in metres as ``extrinsic_matrix`` (3x4 or 4x4) or as a rotation (``R``,
+``rotation_matrix`` 3x3, or ``rvec``) with a translation (``T``, ``t``, ``tvec``). Without a pose
+the file is a lens. ``extrinsic_parameters``, which OpenCV's sample writes, are the poses of a
+chessboard and are not read. Pixel centres lie at integers, as here.
 """
 
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.text import parse_xml, read_text
 from scene4d.formats.cameras import _fields as fields
 from scene4d.formats.cameras._contract import CameraFormat, ImageSize
-from scene4d.formats.cameras._pinhole import five_coefficients, size_for
+from scene4d.formats.cameras._pinhole import lens_of, size_for
 
 _MATRIX = ("camera_matrix", "Camera_Matrix", "cameraMatrix", "K")
 _DISTORTION = (
@@ -64,18 +64,15 @@ def _pose(values: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray] | None:
 def _camera(values: Mapping[str, Any], image_size: ImageSize | None) -> Camera | Lens:
     K = fields.intrinsic_matrix(*fields.require(values, *_MATRIX))
     fisheye = fields.find(values, "fisheye_model")
-    if fisheye and fisheye[1] not in (0, "0"):
-        raise InputError(
-            "field 'fisheye_model': the fisheye (equidistant) model is not supported; calibrate "
-            "the lens with k1 k2 p1 p2 k3, or undistort the footage first"
-        )
     found = fields.find(values, *_DISTORTION)
-    distortion = five_coefficients(fields.numbers(*found)) if found else np.zeros(5)
-    size = fields.image_size(values) or size_for(K, image_size)
+    lens = lens_of(
+        fields.image_size(values) or size_for(K, image_size),
+        K,
+        fields.numbers(*found) if found else np.zeros(4),
+        fisheye=fisheye is not None and fisheye[1] not in (0, "0"),
+    )
     pose = _pose(values)
-    if pose is None:
-        return Lens(size, K, distortion)
-    return Camera(size, K, distortion, pose[0], pose[1])
+    return lens if pose is None else lens.posed(*pose)
 
 
 def _sniff_yaml(path: Path, head: str) -> bool:
@@ -118,6 +115,7 @@ def _written(camera: Camera, form: str) -> str:
     storage.write("image_width", camera.image_size[0])
     storage.write("image_height", camera.image_size[1])
     storage.write("camera_matrix", camera.K)
+    storage.write("fisheye_model", int(camera.is_fisheye))
     storage.write("distortion_coefficients", camera.distortion[:, None])
     storage.write("R", camera.R)
     storage.write("T", camera.t[:, None])
@@ -132,5 +130,9 @@ def _write_xml(camera: Camera) -> str:
     return _written(camera, "XML")
 
 
-YAML = CameraFormat("opencv-yaml", "OpenCV FileStorage, YAML", _sniff_yaml, _read_yaml, _write_yaml)
-XML = CameraFormat("opencv-xml", "OpenCV FileStorage, XML", _sniff_xml, _read_xml, _write_xml)
+YAML = CameraFormat(
+    "opencv-yaml", "OpenCV FileStorage, YAML", _sniff_yaml, _read_yaml, _write_yaml, fisheye=True
+)
+XML = CameraFormat(
+    "opencv-xml", "OpenCV FileStorage, XML", _sniff_xml, _read_xml, _write_xml, fisheye=True
+)

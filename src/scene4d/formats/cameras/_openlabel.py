@@ -56,15 +56,19 @@ def _read(path: Path, image_size: ImageSize | None) -> Camera | Lens:
 
 def _pinhole(streams: JsonObject) -> tuple[str, JsonObject]:
     """The only stream that is a pinhole camera, and its intrinsics."""
-    cameras = {}
+    cameras, fisheyes = {}, list[str]()
     for name in streams.names():
         stream = streams.object(name)
         if "stream_properties" in stream:
             properties = stream.object("stream_properties")
             if "intrinsics_pinhole" in properties:
                 cameras[name] = properties.object("intrinsics_pinhole")
+            elif "intrinsics_fisheye" in properties:
+                fisheyes.append(name)
     if len(cameras) != 1:
         found = f"{quoted(', '.join(cameras))}; keep that of one" if cameras else "none"
+        if fisheyes:
+            found += f" ('intrinsics_fisheye' of {quoted(', '.join(fisheyes))} is not read)"
         raise InputError(
             f"field 'streams': expected one camera with 'intrinsics_pinhole', found {found}"
         )
@@ -94,7 +98,7 @@ def _posed(lens: Lens, name: str, systems: JsonObject) -> Camera | Lens:
 
 def _camera(lens: Lens, cam_from_world: np.ndarray) -> Camera:
     R, t = cam_from_world[:3, :3], cam_from_world[:3, 3]
-    return Camera(lens.image_size, lens.K, lens.distortion, R, t)
+    return lens.posed(R, t)
 
 
 def _slant_rad(camera: Camera) -> float:

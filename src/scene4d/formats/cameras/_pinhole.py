@@ -1,4 +1,4 @@
-"""From matrices to cameras: decomposition of P, image sizes, and what distortion we can hold."""
+"""From matrices to cameras: decomposition of P, image sizes, and what distortion can be held."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.core import geometry
-from scene4d.core.camera import Camera
+from scene4d.core.camera import Camera, Lens
 from scene4d.core.errors import InputError
 from scene4d.formats.cameras._contract import ImageSize
 
@@ -33,6 +33,28 @@ def five_coefficients(values: Float[np.ndarray, "n"]) -> Float[np.ndarray, "5"]:
     out = np.zeros(5)
     out[: min(5, len(values))] = values[:5]
     return out
+
+
+def fisheye_coefficients(values: Float[np.ndarray, "n"]) -> Float[np.ndarray, "4"]:
+    """OpenCV's fisheye distortion vector (k1, k2, k3, k4), padded with zeros; raises
+    :class:`InputError` for a longer one.
+    """
+    if np.any(values[4:]):
+        raise InputError(
+            f"distortion: a fisheye lens has the four coefficients k1 k2 k3 k4, found {len(values)}"
+        )
+    out = np.zeros(4)
+    out[: min(4, len(values))] = values[:4]
+    return out
+
+
+def lens_of(
+    size: ImageSize, K: Float[np.ndarray, "3 3"], values: Float[np.ndarray, "n"], *, fisheye: bool
+) -> Lens:
+    """The lens with OpenCV's coefficients of one of its two models."""
+    if fisheye:
+        return Lens(size, K, fisheye_coefficients(values), distortion_model="fisheye")
+    return Lens(size, K, five_coefficients(values))
 
 
 def rotation_of_quaternion(xyzw: Sequence[float], where: str) -> Float[np.ndarray, "3 3"]:

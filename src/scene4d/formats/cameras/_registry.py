@@ -130,13 +130,20 @@ def write_camera(camera: Camera, path: str | os.PathLike[str], format: str) -> N
     A format that is a folder (COLMAP) takes ``path`` as the folder. Missing folders are made.
     Formats without distortion (DeepStream, bare matrix) get the undistorted P; ROS gets the lens
     alone. Raises :class:`InputError` for a format that is unknown, read only, or cannot hold this
-    camera, and :class:`~scene4d.core.errors.OutputError` where a file cannot be written.
+    camera (few hold a fisheye lens), and :class:`~scene4d.core.errors.OutputError` where a file
+    cannot be written.
     """
     path = Path(path)
     chosen = by_name(_FORMATS, format, "camera")
     if chosen.write is None:
         writable = names([known for known in _FORMATS if known.write])
         raise InputError(f"camera format {quoted(format)} is read only; write one of {writable}")
+    if camera.is_fisheye and not chosen.fisheye:
+        able = names([known for known in _FORMATS if known.fisheye])
+        raise InputError(
+            f"camera format {quoted(format)} has no place for a fisheye lens; write one of {able}, "
+            "or calibrate undistorted footage"
+        )
     content = chosen.write(camera)
     if isinstance(content, str):
         content = {path.name: content}
