@@ -14,7 +14,8 @@ from onnx import TensorProto, helper, numpy_helper
 
 from training.model import OrientationNet
 from training.packaged import folded
-from training.panoramas import CROP_SIZE
+from training.panoramas import CROP_SIZE, read_panoramas
+from training.prior import attach, trained_tilts
 
 _LARGE = 1024
 _TOLERANCE = 0.05
@@ -24,13 +25,17 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("checkpoint", type=Path)
+    parser.add_argument("--panoramas", type=Path, required=True, help="folder with SOURCES.csv")
     parser.add_argument("--out", type=Path, required=True, help="the .onnx file to write")
     args = parser.parse_args()
-    export(args.checkpoint, args.out)
+    export(args.checkpoint, args.panoramas, args.out)
 
 
-def export(checkpoint: Path, out: Path) -> None:
-    """Raises :class:`ArithmeticError` where ONNX and torch disagree."""
+def export(checkpoint: Path, panoramas: Path, out: Path) -> None:
+    """``panoramas`` are those of the training.
+
+    Raises :class:`ArithmeticError` where ONNX and torch disagree.
+    """
     net = OrientationNet()
     state = torch.load(checkpoint, map_location="cpu", weights_only=True)
     if "features.0.0.bias" in state["average"]:
@@ -54,6 +59,7 @@ def export(checkpoint: Path, out: Path) -> None:
     single.unlink()
     _shrink(model)
     helper.set_model_props(model, {"steps": str(state["step"])})
+    attach(model, trained_tilts(read_panoramas(panoramas, "train")))
     onnx.checker.check_model(model)
     written = model.SerializeToString()
     session = onnxruntime.InferenceSession(written, providers=["CPUExecutionProvider"])

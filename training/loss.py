@@ -34,6 +34,14 @@ def _soft(value: Tensor, axis: tuple[float, float, int]) -> Tensor:
 def losses(outputs: tuple[Tensor, Tensor, Tensor], batch: dict[str, Tensor]) -> dict[str, Tensor]:
     """Mean of every part over a batch; a hopeless picture asks for an even distribution."""
     dense, roll, pose = (output.float() for output in outputs)
+    return bin_losses(roll, pose, batch) | {
+        "up": _von_mises(dense[:, :2], batch["up_uv"], batch["hopeless"]),
+        "latitude": _laplace(dense[:, 2], dense[:, 3], batch["latitude"]),
+    }
+
+
+def bin_losses(roll: Tensor, pose: Tensor, batch: dict[str, Tensor]) -> dict[str, Tensor]:
+    """Of the bins alone."""
     hopeless = batch["hopeless"]
     even = hopeless[:, None]
     wanted_roll = torch.where(even, 1 / roll.shape[1], _soft(batch["pose"][:, 0], _ROLL))
@@ -43,8 +51,6 @@ def losses(outputs: tuple[Tensor, Tensor, Tensor], batch: dict[str, Tensor]) -> 
     return {
         "pose": functional.cross_entropy(pose.flatten(1), wanted_pose),
         "roll": functional.cross_entropy(roll, wanted_roll),
-        "up": _von_mises(dense[:, :2], batch["up_uv"], hopeless),
-        "latitude": _laplace(dense[:, 2], dense[:, 3], batch["latitude"]),
     }
 
 

@@ -23,7 +23,7 @@ _STAGES = (  # expansion, channels, blocks, stride: table 2 of the paper
 _STEM = 4
 """So many of the first layers keep ImageNet's weights: edges are edges, and their gradients cost
 half of the time of training on a CPU."""
-_STRIDE_16 = 14  # features[:14] end where an image has a sixteenth of its width
+STRIDE_16 = 14  # features[:14] end where an image has a sixteenth of its width
 
 
 def _conv(inward: int, outward: int, size: int = 3, stride: int = 1, groups: int = 1):
@@ -102,8 +102,11 @@ class OrientationNet(nn.Module):
         """
         with torch.no_grad():
             stem = self.features[:_STEM]((x - self.mean) / self.spread)
-        fine = self.features[_STEM:_STRIDE_16](stem)
-        coarse = self.coarse(self.features[_STRIDE_16:](fine))
+        return self.after(self.features[_STEM:STRIDE_16](stem))
+
+    def after(self, fine: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """As :meth:`forward`, from the features (b, 96, 9, 12) of the first blocks."""
+        coarse = self.coarse(self.features[STRIDE_16:](fine))
         raised = functional.interpolate(
             coarse, size=(CELLS[1], CELLS[0]), mode="bilinear", align_corners=False
         )

@@ -4,10 +4,12 @@ Only what needs no torch: panoramas, invented streets, and the samples made of t
 """
 
 import csv
+import json
 from dataclasses import replace
 
 import cv2
 import numpy as np
+import onnx
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -26,10 +28,13 @@ from training.panoramas import (
     read_panoramas,
     split_of,
 )
+from training.prior import ENTRY, attach, conditional
 from training.samples import sample
 from training.streets import _Canvas, _paint_box, _paint_ground, street_panorama
 
 from scene4d.core.camera import Camera
+from scene4d.perception.orientation import OrientationNetwork
+from scene4d.perception.orientation.grid import TILT_RAD, VFOV_RAD
 
 views = st.builds(
     View,
@@ -238,6 +243,32 @@ def test_every_kind_of_degradation_keeps_the_picture_a_picture():
     for _ in range(150):
         out = degraded(picture, rng)
         assert out.shape == picture.shape and out.dtype == np.uint8
+
+
+def test_trained_tilts_are_those_that_are_drawn():
+    """Independent of the field of view where they are drawn so, and never none."""
+    rng = np.random.default_rng(0)
+    tilt, vfov = np.radians(rng.uniform(0, 40, 20_000)), np.radians(rng.uniform(20, 60, 20_000))
+    p = np.exp(conditional(tilt, vfov))
+    np.testing.assert_allclose(p.sum(axis=0), 1)
+    drawn = (np.radians(3) < TILT_RAD) & (np.radians(37) > TILT_RAD)
+    wide = (np.radians(22) < VFOV_RAD) & (np.radians(55) > VFOV_RAD)
+    # A cell of 2.5° out of 40°, less what is spread evenly.
+    np.testing.assert_allclose(p[np.ix_(drawn, wide)], 2.5 / 40, rtol=0.15)
+    assert p[-1, wide].max() < 0.01 and p.min() > 1e-4
+
+
+def test_the_packaged_network_says_how_often_tilts_were_trained():
+    """Steep cameras are rarer in training, for narrow and for wide fields of view."""
+    entry = OrientationNetwork()._session.get_modelmeta().custom_metadata_map[ENTRY]
+    p = np.exp(np.array(json.loads(entry)))
+    np.testing.assert_allclose(p.sum(axis=0), 1, rtol=0.02)
+    at = [np.abs(np.degrees(TILT_RAD) - value).argmin() for value in (20, 65)]
+    assert (p[at[0]] > 2 * p[at[1]]).all()
+    network = onnx.ModelProto()
+    attach(network, np.log(p))
+    (kept,) = network.metadata_props
+    np.testing.assert_allclose(np.exp(json.loads(kept.value)), p, rtol=2e-3)
 
 
 @pytest.mark.shared_data

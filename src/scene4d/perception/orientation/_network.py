@@ -6,6 +6,7 @@ point at up and the horizon everywhere in the picture as well. ``training/`` tra
 card is docs/orientation.md.
 """
 
+import json
 from functools import cached_property
 from importlib.resources import files
 
@@ -33,7 +34,10 @@ _LINE_POWER = 0.75
 another; and what one of them sees, the other partly sees as well."""
 _RECOGNISED_NATS = 3.0
 """Lines count in full where the network has learned this much (three in four validation crops), and
-not at all where it has learned nothing: a picture on its side is full of good lines that lie."""
+not at all where it has learned nothing: a picture on its side is full of good lines that lie. The
+same holds of how often tilts were trained, which a picture without information knows nothing of."""
+_TRAINED_TILTS = "log_tilt_given_vfov"
+"""Entry of the ONNX file's metadata: rows of tilt, columns of field of view, as JSON."""
 _FIRST_LINES = 4
 _LINES_EVERY = 8
 """A still camera's lines are looked for in so many pictures at first, then in one of so many.
@@ -60,7 +64,20 @@ class OrientationNetwork:
         Raises :class:`InputError` for a picture that is not 8-bit BGR or smaller than 32 pixels.
         """
         _, roll, pose = self.outputs(image_bgr)
-        return Belief.normalised(roll[:, None, None] + pose[None])
+        seen = Belief.normalised(roll[:, None, None] + pose[None])
+        share = _recognised(seen)
+        return Belief.normalised(seen.log_p - share * self._trained_tilts)
+
+    @cached_property
+    def _trained_tilts(self) -> Float[np.ndarray, "37 21"]:
+        """Log-probability of tilt, given the field of view, among the pictures of the training.
+
+        A camera that looks down steeply is rare there, so the network takes one for less steep
+        than it is; without this factor every tilt is as likely beforehand. Zeros where the file
+        does not say.
+        """
+        text = self._session.get_modelmeta().custom_metadata_map.get(_TRAINED_TILTS)
+        return np.zeros(SHAPE[1:]) if text is None else np.array(json.loads(text), np.float64)
 
     def outputs(
         self, image_bgr: np.ndarray
@@ -104,7 +121,7 @@ class PoseReader:
         pixels.
         """
         seen = self.network.belief(image_bgr)
-        power = _LINE_POWER * min(1.0, seen.information() / _RECOGNISED_NATS)
+        power = _LINE_POWER * _recognised(seen)
         return Belief.normalised(_NETWORK_POWER * seen.log_p + power * self._line_log_p(image_bgr))
 
     def _line_log_p(self, image_bgr: np.ndarray) -> Float[np.ndarray, "33 37 21"]:
@@ -115,6 +132,11 @@ class PoseReader:
             self._read += 1
         self._shown += 1
         return self._lines / self._read
+
+
+def _recognised(seen: Belief) -> float:
+    """Share of what has to be learned of a picture to take it for one that shows the world."""
+    return min(1.0, seen.information() / _RECOGNISED_NATS)
 
 
 def _prepared(image_bgr: np.ndarray) -> np.ndarray:
