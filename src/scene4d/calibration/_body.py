@@ -19,15 +19,17 @@ Image points are centred on the assumed principal point and divided by half the 
 so that the corners lie at radius 1 and f is in that unit too; the true principal point lies at
 (cu, cv) in these coordinates. The lens is ``r_d = r_u (1 + D r_u²)``: D is
 the fraction by which the image's corner is displaced, and does not depend on the focal length.
-OpenCV's coefficient is ``k1 = D f²`` with f in half diagonals.
+OpenCV's coefficient is ``k1 = D f²`` with f in half diagonals. A fisheye lens has
+``r_d = r (1 + D r²)`` with ``r = f θ`` instead (:mod:`._equidistant`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from scene4d.calibration._equidistant import curled, flattened
 from scene4d.core.body import BODY_RADIUS_M, HEAD_RADIUS_M
 
 N_PARAMETERS = 7
@@ -39,12 +41,15 @@ ALL = tuple(range(N_PARAMETERS))
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Image points of a set of people, centred and in half diagonals (module docstring), (2, n)."""
+    """Image points of a set of people, centred and in half diagonals (module docstring), (2, n),
+    taken with a ``fisheye`` lens or with an ordinary one.
+    """
 
     foot: Float[np.ndarray, "2 n"]
     head: Float[np.ndarray, "2 n"]
     from_box: Bool[np.ndarray, "n"]
     foot_height_m: float
+    fisheye: bool = False
 
     @cached_property
     def has_boxes(self) -> bool:
@@ -63,8 +68,8 @@ class Points:
 
     def select(self, rows: np.ndarray) -> "Points":
         """The given people, as a mask or as indices."""
-        return Points(
-            self.foot[:, rows], self.head[:, rows], self.from_box[rows], self.foot_height_m
+        return replace(
+            self, foot=self.foot[:, rows], head=self.head[:, rows], from_box=self.from_box[rows]
         )
 
 
@@ -130,6 +135,41 @@ def undistort_jacobian(
     return by_x, by_y
 
 
+@dataclass(frozen=True, eq=False)
+class Straightened:
+    """Points (2, n) as a pinhole camera of the same focal length shows them, about the principal
+    point, with derivatives (2, n) by those parameters of the lens that move them.
+    """
+
+    points: Float[np.ndarray, "2 n"]
+    by: dict[int, np.ndarray]
+    valid: Bool[np.ndarray, "n"]
+
+
+def straightened(
+    points: Float[np.ndarray, "2 n"],
+    parameters: Float[np.ndarray, "p"],
+    columns: tuple[int, ...] = ALL,
+    *,
+    fisheye: bool = False,
+) -> Straightened:
+    """Points of the footage without principal point and lens (module docstring), with derivatives
+    by at least the ``columns`` that move them.
+    """
+    corner, centre = parameters[CORNER], parameters[CENTRE]
+    seen = points - centre[:, None] if centre.any() else points
+    straight, by_corner, valid = undistort(seen, corner)
+    by = {CORNER: by_corner}
+    if CENTRE_U in columns or CENTRE_V in columns:
+        by_x, by_y = undistort_jacobian(seen, straight, corner)
+        by[CENTRE_U], by[CENTRE_V] = -by_x, -by_y
+    if fisheye:
+        flat = flattened(straight, np.exp(parameters[FOCAL]))
+        by = {FOCAL: flat.by_log_focal} | {column: flat.carry(d) for column, d in by.items()}
+        straight, valid = flat.points, valid & flat.valid
+    return Straightened(straight, by, valid)
+
+
 def _unit(v: np.ndarray, dv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """``v / |v|`` over the first axis of (3, n), and its derivative from (p, 3, n)."""
     length = np.sqrt((v * v).sum(axis=0))
@@ -149,15 +189,12 @@ class _Rays:
 
 
 def _foot_rays(parameters: np.ndarray, points: Points, columns: tuple[int, ...]) -> _Rays:
-    focal, corner, centre = np.exp(parameters[FOCAL]), parameters[CORNER], parameters[CENTRE]
-    seen = points.foot - centre[:, None] if centre.any() else points.foot
-    straight, by_corner, valid = undistort(seen, corner)
-    xy = straight / focal
-    by = {FOCAL: -xy, CORNER: by_corner / focal}
-    if CENTRE_U in columns or CENTRE_V in columns:
-        by_x, by_y = undistort_jacobian(seen, straight, corner)
-        by[CENTRE_U], by[CENTRE_V] = -by_x / focal, -by_y / focal
-    return _Rays(xy, {column: by[column] for column in by if column in columns}, valid)
+    focal = np.exp(parameters[FOCAL])
+    straight = straightened(points.foot, parameters, columns, fisheye=points.fisheye)
+    xy = straight.points / focal
+    by = {column: d / focal for column, d in straight.by.items()}
+    by[FOCAL] = by[FOCAL] - xy if FOCAL in by else -xy
+    return _Rays(xy, {column: by[column] for column in by if column in columns}, straight.valid)
 
 
 def predict_heads(
@@ -223,6 +260,11 @@ def predict_heads(
     uv = uv * focal
     if FOCAL in columns:
         d_uv[columns.index(FOCAL)] += uv
+    if points.fisheye:
+        curl = curled(uv, focal)
+        uv, d_uv, h_uv = curl.points, curl.carry(d_uv), curl.carry(h_uv)
+        if FOCAL in columns:
+            d_uv[columns.index(FOCAL)] += curl.by_log_focal
     uv, d_uv, h_uv = _on_sensor(parameters, columns, uv, d_uv, h_uv)
     return Prediction(uv, d_uv, h_uv, valid)
 

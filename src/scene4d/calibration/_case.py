@@ -20,11 +20,13 @@ class ImageFrame:
     """How pixels become the solver's numbers, and its parameters a camera.
 
     ``lens`` holds the known intrinsics, or None: then the principal point is the image centre,
-    pixels are square, and the lens is the solver's one radial coefficient.
+    pixels are square, and the lens is the solver's one radial coefficient, of a ``fisheye`` or of
+    an ordinary lens.
     """
 
     image_size: tuple[int, int]
     lens: Lens | None = None
+    fisheye: bool = False
 
     @property
     def half_diagonal_px(self) -> float:
@@ -57,23 +59,24 @@ class ImageFrame:
             self.normalised(uv if lens is None else lens.undistort(uv)[0])
             for uv in (segments.foot_uv, segments.head_uv)
         )
-        return Points(foot, head, segments.from_box, foot_height_m)
+        return Points(foot, head, segments.from_box, foot_height_m, self.fisheye)
 
     def camera(self, parameters: Float[np.ndarray, "7"]) -> Camera:
         """The camera of a parameter vector (log f, tilt, roll, log h, D, cu, cv)."""
         focal = np.exp(parameters[FOCAL]) * self.half_diagonal_px
         K = np.array([[focal, 0, 0], [0, focal * self.aspect, 0], [0, 0, 1.0]])
         K[:2, 2] = self.centre_uv + parameters[CENTRE] * self.half_diagonal_px * [1, self.aspect]
+        model = "fisheye" if self.fisheye else "pinhole"
         if self.lens is None:
-            distortion = np.zeros(5)
+            distortion = np.zeros(4 if self.fisheye else 5)
             distortion[0] = parameters[CORNER] * np.exp(2 * parameters[FOCAL])
         else:
             K[0, 1] = self.lens.K[0, 1] * focal / self.lens.K[0, 0]
             stretch = float(focal / self.lens.K[0, 0])
             distortion = geometry.refocused(self.lens.distortion, stretch)
+            model = self.lens.distortion_model
         R = geometry.rotation_from_tilt_roll(parameters[TILT], parameters[ROLL])
         t = -R @ np.array([0.0, 0.0, np.exp(parameters[HEIGHT])])
-        model = "pinhole" if self.lens is None else self.lens.distortion_model
         return Camera(self.image_size, K, distortion, R, t, distortion_model=model)
 
 

@@ -21,6 +21,7 @@ from scene4d.calibration._body import (
     Points,
     undistort,
 )
+from scene4d.calibration._equidistant import ray_gain
 from scene4d.calibration._lines import best_azimuths
 from scene4d.calibration._prior import Prior
 from scene4d.calibration._refine import Noise, Problem, State, descend, minimise, updated_noise
@@ -83,9 +84,14 @@ def _places(foot: np.ndarray, length: np.ndarray) -> int:
     return places
 
 
-def _grid(prior: Prior) -> np.ndarray:
+_LOG_FOCALS = (-0.6, -0.25, 0.1, 0.45, 0.8, 1.15, 1.5)
+"""Diagonal views of 123° down to 25°."""
+_FISHEYE_LOG_FOCALS = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25)
+"""Angles of the corners from the axis of 156° (a circle in the picture) down to 45°."""
+
+
+def _grid(prior: Prior, focal: tuple[float, ...] = _LOG_FOCALS) -> np.ndarray:
     """Orientations (m, 3): the fixed values where fixed, else a spread over the prior."""
-    focal = [-0.6, -0.25, 0.1, 0.45, 0.8, 1.15, 1.5]
     tilt = np.radians([0, 5, 10, 16, 23, 31, 40, 50, 62, 75])
     roll = prior.mean[ROLL] + np.radians([-10, -3, 3, 10])
     axes: list[np.ndarray] = []
@@ -115,15 +121,18 @@ def _starting_points(
         rows = np.linspace(0, len(weight) - 1, _GRID_PEOPLE).astype(int)
         points, weight = points.select(rows), weight[rows]
     foot, head = undistort(points.foot, corner)[0], undistort(points.head, corner)[0]
-    orientations = _grid(prior)
+    orientations = _grid(prior, _FISHEYE_LOG_FOCALS if points.fisheye else _LOG_FOCALS)
     focal = np.exp(orientations[:, 0])[:, None]
     tilt, roll = orientations[:, 1], orientations[:, 2]
     up = np.stack(
         [np.sin(roll) * np.cos(tilt), -np.cos(roll) * np.cos(tilt), -np.sin(tilt)], axis=1
     )
     up = up[:, :, None]
-    x, y = foot[0] / focal, foot[1] / focal
-    a, b = head[0] / focal, head[1] / focal
+    to_foot = to_head = 1 / focal
+    if points.fisheye:
+        to_foot, to_head = ray_gain(foot, focal), ray_gain(head, focal)
+    x, y = foot[0] * to_foot, foot[1] * to_foot
+    a, b = head[0] * to_head, head[1] * to_head
 
     # Head: (x + κ up_x, y + κ up_y) = (a, b) (1 + κ up_z); least squares over the two rows.
     row_x, row_y = up[:, 0] - a * up[:, 2], up[:, 1] - b * up[:, 2]

@@ -13,7 +13,6 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.calibration._body import (
-    CENTRE,
     CENTRE_U,
     CENTRE_V,
     CORNER,
@@ -21,8 +20,7 @@ from scene4d.calibration._body import (
     N_PARAMETERS,
     ROLL,
     TILT,
-    undistort,
-    undistort_jacobian,
+    straightened,
     up_vector,
 )
 
@@ -37,12 +35,13 @@ _LINES_PER_FACT = 20.0
 """Edges of one window, house or kerb err together: so many lines weigh as one observation."""
 
 _AZIMUTH = N_PARAMETERS
-_OF_LENS = [CORNER, CENTRE_U, CENTRE_V]
+_OF_LENS = [FOCAL, CORNER, CENTRE_U, CENTRE_V]
 
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """Line segments, centred and in half diagonals like :class:`.body.Points`.
+    """Line segments, centred, in half diagonals and of a ``fisheye`` or an ordinary lens like
+    :class:`._body.Points`.
 
     ``sigma`` (n,) is each one's angular error in radians.
     """
@@ -50,6 +49,7 @@ class Lines:
     start: Float[np.ndarray, "2 n"]
     end: Float[np.ndarray, "2 n"]
     sigma: Float[np.ndarray, "n"]
+    fisheye: bool = False
 
     @classmethod
     def from_pixels(
@@ -94,8 +94,8 @@ def directions(tilt: float, roll: float, azimuth: float) -> tuple[np.ndarray, np
 def line_terms(parameters: Float[np.ndarray, "8"], lines: Lines) -> LineTerms:
     """Residual of every line to the direction that it misses least."""
     focal = np.exp(parameters[FOCAL])
-    a, d_a = _straight(lines.start, parameters)
-    b, d_b = _straight(lines.end, parameters)
+    a, d_a = _straight(lines.start, parameters, lines.fisheye)
+    b, d_b = _straight(lines.end, parameters, lines.fisheye)
     middle, d_middle = (a + b) / 2, (d_a + d_b) / 2
     span, d_span = b - a, d_b - d_a
     length = np.sqrt((span * span).sum(axis=0))
@@ -117,13 +117,14 @@ def line_terms(parameters: Float[np.ndarray, "8"], lines: Lines) -> LineTerms:
 
     v, d_v = vanishing[nearest].T, d_vanishing[nearest].transpose(1, 2, 0)  # (3, n), (8, 3, n)
     d_toward = d_v[:, :2] - middle * d_v[:, 2:3]
-    d_toward[_OF_LENS] -= d_middle * v[2]
+    of_lens = _OF_LENS[-len(d_middle) :]
+    d_toward[of_lens] -= d_middle * v[2]
     reach = v[:2] - middle * v[2]
     norm = np.sqrt((reach * reach).sum(axis=0))
     unit = reach / norm
     d_unit = (d_toward - unit * (d_toward * unit).sum(axis=1, keepdims=True)) / norm
     derivative = edge[0] * d_unit[:, 1] - edge[1] * d_unit[:, 0]
-    derivative[_OF_LENS] += d_edge[:, 0] * unit[1] - d_edge[:, 1] * unit[0]
+    derivative[of_lens] += d_edge[:, 0] * unit[1] - d_edge[:, 1] * unit[0]
     derivative /= lines.sigma
 
     shrink = 1 / (1 + residual**2 / _LOSS_WIDTH**2)
@@ -131,12 +132,14 @@ def line_terms(parameters: Float[np.ndarray, "8"], lines: Lines) -> LineTerms:
     return LineTerms(residual, derivative, shrink**2 / _LINES_PER_FACT, cost)
 
 
-def _straight(ends: np.ndarray, parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Undistorted points (2, n) about the principal point; derivatives (3, 2, n) by D, cu, cv."""
-    seen, corner = ends - parameters[CENTRE][:, None], parameters[CORNER]
-    straight, by_corner, _ = undistort(seen, corner)
-    by_x, by_y = undistort_jacobian(seen, straight, corner)
-    return straight, np.stack([by_corner, -by_x, -by_y])
+def _straight(
+    ends: np.ndarray, parameters: np.ndarray, fisheye: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """Undistorted points (2, n) about the principal point; derivatives (k, 2, n) by those of
+    :data:`_OF_LENS` that move them: all but the first with an ordinary lens.
+    """
+    found = straightened(ends, parameters, fisheye=fisheye)
+    return found.points, np.stack([found.by[i] for i in _OF_LENS if i in found.by])
 
 
 def best_azimuths(parameters: Float[np.ndarray, "7"], lines: Lines, keep: int = 2) -> list[float]:

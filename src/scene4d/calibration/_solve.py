@@ -9,6 +9,7 @@ from scene4d.calibration import _verdict as verdict
 from scene4d.calibration._body import FOCAL, HEIGHT
 from scene4d.calibration._case import Case, ImageFrame, different_people, ground_errors
 from scene4d.calibration._joint import position_weights, solve
+from scene4d.calibration._lens_choice import with_best_lens
 from scene4d.calibration._lines import Lines
 from scene4d.calibration._paper import paper_calibration
 from scene4d.calibration._prior import CENTRE_SIGMA, Prior, default_prior
@@ -111,7 +112,12 @@ def solve_segments(
     state = solve(problem, seed=options.seed)
     if state is None:
         return case.undetermined("no camera above the ground explains what is seen")
+    problem, state = with_best_lens(problem, state, seed=options.seed)
+    if problem.points.fisheye:
+        case = replace(case, frame=replace(case.frame, fisheye=True))
     found = _judged(case, problem, state)
+    if found and problem.points.fisheye:
+        found = replace(found, warnings=(*found.warnings, verdict.FISHEYE_FOUND))
     if not found or guessed:
         return found
     return replace(found, warnings=(*found.warnings, *_contradictions(case)))

@@ -33,6 +33,8 @@ _DIAGONAL_VIEW_DEG = (15.0, 150.0)
 """Diagonal fields of view of fixed cameras: 15° is a 30 mm lens on a 1/2" sensor, and two standard
 deviations of the prior; PETS 2009 frames, each cropped at a random place, give 10 to 13°. 150°
 is a 2.1 mm lens on a 1/3" sensor, about the limit of the pinhole model."""
+_FISHEYE_VIEW_DEG = 320.0
+"""Of a fisheye lens: one of 190° whose image is a circle across the height of a 4:3 picture."""
 _HEIGHT_M = (0.3, 60.0)
 """Plausible camera heights in metres. Chosen: from knee height to a block of flats."""
 _SIGMAS = 4.0
@@ -42,6 +44,10 @@ _FEW_PEOPLE = 10
 """With this many people their mean height is known to 0.03 m (0.09 m / √10), as precisely as the
 population mean."""
 
+FISHEYE_FOUND = (
+    "The lens is taken for a fisheye, with which people and straight edges agree clearly better "
+    "than with an ordinary lens; a lens file (lens) would be surer."
+)
 BOXES_ALONE = (
     "boxes alone do not determine the focal length: a box has no lean, and its size changes with "
     "the viewing angle as it does with the focal length; needed: a lens file (lens), an "
@@ -85,7 +91,8 @@ def refusal(
     elif not relative_ground_error <= _MAX_GROUND_ERROR:  # true for NaN
         what = f"ground positions would be wrong by {relative_ground_error:.0%} of their distance"
     else:
-        return _implausible(parameters) if prior.sigma[FOCAL] > FOCAL_KNOWN else None
+        known = prior.sigma[FOCAL] <= FOCAL_KNOWN
+        return None if known else _implausible(parameters, points.fisheye)
     where, needed = _lack(points, flat=flat)
     hint = " or a lens file (lens)" if prior.sigma[FOCAL] > 0 else ""
     return f"{what}: {where}; needed: {needed}{hint}"
@@ -111,15 +118,17 @@ def _lack(points: Points, *, flat: bool) -> tuple[str, str]:
     )
 
 
-def _implausible(parameters: np.ndarray) -> str | None:
+def _implausible(parameters: np.ndarray, fisheye: bool) -> str | None:
     """Why the camera is implausible; asked only if no focal length was given."""
-    view_deg = float(np.degrees(2 * np.arctan(np.exp(-parameters[FOCAL]))))
+    corner = np.exp(-parameters[FOCAL])  # from the axis, in focal lengths
+    view_deg = float(np.degrees(2 * (corner if fisheye else np.arctan(corner))))
+    widest_deg = _FISHEYE_VIEW_DEG if fisheye else _DIAGONAL_VIEW_DEG[1]
     height_m = float(np.exp(parameters[HEIGHT]))
     needed = (
         "needed: footage of one fixed camera over flat ground, or a lens file (lens) or an "
         "orientation (orientation) if the values are correct"
     )
-    if not _DIAGONAL_VIEW_DEG[0] <= view_deg <= _DIAGONAL_VIEW_DEG[1]:
+    if not _DIAGONAL_VIEW_DEG[0] <= view_deg <= widest_deg:
         return (
             f"the people's sizes and positions suggest a diagonal field of view of {view_deg:.1f}°"
             f", which is unlikely for a fixed camera; {needed}"
