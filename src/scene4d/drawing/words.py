@@ -103,7 +103,7 @@ def k1_sigma(camera: Camera, covariance: Float[np.ndarray, "p p"]) -> float:
     k1 = float(camera.distortion[0])
     by_corner = float((2 * camera.K[0, 0] / np.hypot(*camera.image_size)) ** 2)
     gradient = np.array([2 * k1, 0.0, 0.0, 0.0, by_corner])
-    return float(np.sqrt(gradient @ covariance @ gradient)) if covariance[4, 4] > 0 else 0.0
+    return float(np.sqrt(gradient @ covariance[:5, :5] @ gradient)) if covariance[4, 4] > 0 else 0.0
 
 
 def parameter_rows(calibration: Calibration) -> list[Row]:
