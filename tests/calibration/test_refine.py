@@ -11,6 +11,7 @@ from test_lines import chaos, in_frame, town
 
 from scene4d import solve_camera
 from scene4d.calibration._body import N_PARAMETERS
+from scene4d.calibration._drift import N_DRIFTS, Drift
 from scene4d.calibration._joint import position_weights, solve
 from scene4d.calibration._prior import Prior, default_prior
 from scene4d.calibration._refine import Noise, Problem, State, linearise, minimise, normal_equations
@@ -18,6 +19,7 @@ from scene4d.calibration._uncertainty import covariance
 from scene4d.core.orientation import Orientation
 
 SEED = st.integers(0, 2**32 - 1)
+AZIMUTH = N_PARAMETERS  # the unknowns: camera, azimuth of the lines, drift of boxes
 
 
 def problem_of(scene: Scene, prior: Prior, *, box=False, lines=None) -> Problem:
@@ -40,12 +42,14 @@ def mixed_problem(seed: int) -> tuple[Problem, State]:
     )
     track = problem.track.copy()
     track[:10] = 1000 + np.arange(10)  # seen once
-    problem = replace(problem, track=np.unique(track, return_inverse=True)[1])
+    track = np.unique(track, return_inverse=True)[1]
+    problem = replace(problem, track=track, drift=Drift.of(problem.points))
     off = np.array([0.05, 0.02, 0.01, 0.05, 0.01, 0.02, 0.02]) * rng.normal(size=7)
     parameters = parameters_of(scene.camera) + off
     noise = Noise(along=0.04, across=0.05, box_along=0.06, height_m=0.08, short=0.2, stray=0.07)
     delta = rng.normal(0, 0.1, problem.n_heights)
-    return problem, State(parameters, delta, noise, azimuth=0.6)
+    drift = np.array([0.05, -0.03, 0.04])
+    return problem, State(parameters, delta, noise, azimuth=0.6, drift=drift)
 
 
 @settings(max_examples=25, deadline=None)
@@ -69,7 +73,13 @@ def test_the_gradient_is_half_that_of_the_cost(seed):
         found = slope(up, down, step)
         assert gradient[index] == pytest.approx(found, rel=2e-3, abs=2e-3 * scale[index])
     up, down = (replace(state, azimuth=state.azimuth + s * step) for s in (1, -1))
-    assert gradient[-1] == pytest.approx(slope(up, down, step), rel=2e-3, abs=2e-3 * scale[-1])
+    found = slope(up, down, step)
+    assert gradient[AZIMUTH] == pytest.approx(found, rel=2e-3, abs=2e-3 * scale[AZIMUTH])
+    for index in range(N_DRIFTS):
+        d = step * np.eye(N_DRIFTS)[index]
+        found = slope(*(replace(state, drift=state.drift + s * d) for s in (1, -1)), step)
+        column = AZIMUTH + 1 + index
+        assert gradient[column] == pytest.approx(found, rel=2e-3, abs=2e-3 * scale[column])
     # The heights too: a box's touching point is held while its person grows (test_body).
     for person in range(0, problem.n_heights, 4):
         d = step * np.eye(problem.n_heights)[person]
@@ -86,7 +96,7 @@ def test_elimination_gives_the_step_of_the_dense_system(seed):
     problem = replace(problem, lines=None)
     lin = linearise(problem, state)
     system = normal_equations(problem, state, lin)
-    free, t = list(problem.columns), problem.n_heights
+    free, t = np.flatnonzero(problem.free), problem.n_heights
     p, hessian = len(free), system.hessian[np.ix_(free, free)]
     dense, right = np.zeros((p + t, p + t)), np.zeros(p + t)
     for row, person in zip(problem.tracked, problem.person, strict=True):
@@ -102,8 +112,12 @@ def test_elimination_gives_the_step_of_the_dense_system(seed):
                 j[p + owner[i]] = lin.by_height[axis, i]
             dense += lin.weight[axis, i] * np.outer(j, j)
             right += j * lin.force[axis, i]
-    dense[:p, :p] += problem.prior.precision[np.ix_(free, free)]
-    right[:p] += (problem.prior.precision @ (state.parameters - problem.prior.mean))[free]
+    precision = np.zeros((len(problem.free), len(problem.free)))
+    precision[:N_PARAMETERS, :N_PARAMETERS] = problem.prior.precision
+    precision[AZIMUTH + 1 :, AZIMUTH + 1 :] = np.diag(problem.drift.precision)
+    off = np.concatenate([state.parameters - problem.prior.mean, [0.0], state.drift])
+    dense[:p, :p] += precision[np.ix_(free, free)]
+    right[:p] += (precision @ off)[free]
     stiff = lin.height_weight / state.noise.height_m**2
     dense[p:, p:] += np.diag(stiff)
     right[p:] += stiff * state.delta_m

@@ -304,27 +304,6 @@ def test_few_tracks_on_real_footage_count_less_than_as_many_strangers(monkeypatc
     assert (ratio > 1.2).all() and (ratio < 1.7).all(), ratio
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_boxes_that_shrink_with_distance_as_measured_are_within_sigma(seed):
-    """Boxes change by 3 to 5 % between near and far (METHOD section 2), twice what bodies do."""
-    scene = draw_scene(seed, 400, fov_deg=50.0, tilt_deg=20.0, height_m=6.0, noise=0.01)
-    camera, people = scene.camera, scene.people
-    length = np.hypot(*(people.head_uv - people.foot_uv).T)
-    shrink = 0.06 * (np.log(length) - np.median(np.log(length)))
-    heads = people.head_uv, people.head_uv + shrink[:, None] * (people.head_uv - people.foot_uv)
-    true, off = (
-        solve_points(
-            Segments.from_points(people.foot_uv, head, track=people.track, from_box=True),
-            camera.image_size,
-            lens=camera.lens,
-            systematics=True,
-        )
-        for head in heads
-    )
-    z = (parameters_of(off.camera) - parameters_of(true.camera))[1:4] / sigmas_of(off)[1:4]
-    assert 0.5 < np.abs(z).max() < 1.3
-
-
 def test_boxes_with_a_known_focal_length():
     """Boxes drawn around sampled bodies, not with the model: the camera comes out nonetheless."""
     from test_body import silhouette

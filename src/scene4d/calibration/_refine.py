@@ -17,7 +17,7 @@ outlier as a track. The heights δₜ are eliminated track by track (Schur compl
 Noise, height spread and shares are re-estimated by expectation-maximisation with a weak prior.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Protocol, runtime_checkable
 
@@ -25,6 +25,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from scene4d.calibration._body import N_PARAMETERS, Points, predict_heads
+from scene4d.calibration._drift import N_DRIFTS, Drift
 from scene4d.calibration._lines import Lines, LineTerms, line_terms
 from scene4d.calibration._prior import Prior
 from scene4d.core.body import HEIGHT_SIGMA_M
@@ -40,7 +41,10 @@ SHORT_RANGE, TURN_RANGE = 1.2, 0.8
 46°: more than anybody leans) of outliers."""
 _SHORT_FROM, _SHORT_EDGE = 1.0, 0.5
 """Where "too short" begins and how softly, in sigmas: earlier it would take people as modelled."""
-_N = N_PARAMETERS + 1  # the camera, and the azimuth of the lines
+_AZIMUTH = N_PARAMETERS  # of the lines, behind the camera
+_OF_LINES = slice(0, _AZIMUTH + 1)
+_DRIFTS = slice(_AZIMUTH + 1, _AZIMUTH + 1 + N_DRIFTS)
+_N = _AZIMUTH + 1 + N_DRIFTS
 _AZIMUTH_RIDGE = 1e-2
 """Information about an azimuth that no line tells: the system must not become singular."""
 _PRIOR_COUNT = 10.0
@@ -105,11 +109,18 @@ class Problem:
     prior: Prior
     lines: Lines | None = None
     terms: tuple[Term, ...] = ()
+    drift: Drift | None = None
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
         """Indices of the free parameters."""
         return tuple(np.flatnonzero(self.prior.free).tolist())
+
+    @cached_property
+    def free(self) -> Bool[np.ndarray, "11"]:
+        """What is estimated: of the camera, the azimuth of lines, the drift of boxes."""
+        drifts = np.full(N_DRIFTS, self.drift is not None)
+        return np.concatenate([self.prior.free, [self.lines is not None], drifts])
 
     @cached_property
     def lone(self) -> Bool[np.ndarray, "n"]:
@@ -147,18 +158,21 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A point of the search: camera, heights above the mean (m), noise, azimuth of the lines."""
+    """A point of the search: camera, heights above the mean (m), noise, azimuth of the lines,
+    drift of boxes.
+    """
 
     parameters: Float[np.ndarray, "7"]
     delta_m: Float[np.ndarray, "t"]
     noise: Noise
     azimuth: float = 0.0
+    drift: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(N_DRIFTS))
 
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """Residuals (2, n) in sigmas with derivatives by the free parameters at a state, their weights,
-    and the cost.
+    """Residuals (2, n) in sigmas with derivatives by the free parameters (and the drift, if there
+    are boxes) at a state, their weights, and the cost.
 
     ``inlier`` (n,) is the probability that a person is as modelled, ``weight`` (2, n) what the
     two residuals count, ``force`` (2, n) half the gradient of the loss by the residuals,
@@ -196,9 +210,15 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     dot = expected[0] * seen[0] + expected[1] * seen[1]
     cross = seen[0] * expected[1] - seen[1] * expected[0]
     residual = np.empty_like(seen)
-    residual[0] = 0.5 * np.log(expected2 / points.seen2) / along
+    log_length = 0.5 * np.log(expected2)
+    drifted = None if problem.drift is None else problem.drift.at(state.drift, log_length, points)
+    if drifted is not None:
+        log_length = log_length + drifted.added
+    residual[0] = (log_length - 0.5 * np.log(points.seen2)) / along
     residual[1] = np.arctan2(cross, dot) / across
     stretch = expected / (expected2 * along)
+    if drifted is not None:
+        stretch = stretch * drifted.gain
     turn_x, turn_y = -expected[1] / (expected2 * across), expected[0] / (expected2 * across)
 
     def in_sigmas(v: np.ndarray) -> np.ndarray:
@@ -211,6 +231,9 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     inlier, upright, push, loss = _mixture(residual, predicted.valid, along, across, noise)
     cost = float(problem.weight @ loss)
     by_parameter = in_sigmas(by_parameter)
+    if drifted is not None:
+        by_drift = np.stack([drifted.by / along, np.zeros_like(drifted.by)], axis=1)
+        by_parameter = np.concatenate([by_parameter, by_drift])
     if not predicted.valid.all():
         residual = np.where(predicted.valid, residual, 0.0)
         by_parameter = np.where(predicted.valid, by_parameter, 0.0)
@@ -219,6 +242,8 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     force[0] -= problem.weight * push
     gap = state.parameters - problem.prior.mean
     cost += float(gap @ problem.prior.precision @ gap)
+    if problem.drift is not None:
+        cost += float(state.drift**2 @ problem.drift.precision)
     height_shrink = 1 / (1 + (state.delta_m / (_HEIGHT_LOSS_WIDTH * noise.height_m)) ** 2)
     cost += _HEIGHT_LOSS_WIDTH**2 * float((1 - height_shrink).sum())
     terms = None
@@ -273,18 +298,20 @@ def _mixture(
 
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
-    """Gauss-Newton system over camera and azimuth, with the heights eliminated."""
+    """Gauss-Newton system over camera, azimuth and drift, with the heights eliminated."""
 
-    hessian: Float[np.ndarray, "8 8"]
-    gradient: Float[np.ndarray, "8"]
+    hessian: Float[np.ndarray, "11 11"]
+    gradient: Float[np.ndarray, "11"]
     height_information: Float[np.ndarray, "t"]
     height_gradient: Float[np.ndarray, "t"]
-    coupling: Float[np.ndarray, "8 t"]
+    coupling: Float[np.ndarray, "11 t"]
 
 
 def normal_equations(problem: Problem, state: State, lin: Linearisation) -> NormalEquations:
     """``Jᵀ W J`` with one Schur complement per track."""
     columns = list(problem.columns)
+    if problem.drift is not None:
+        columns += range(_N)[_DRIFTS]
     weighted = lin.by_parameter * lin.weight
     flat = lin.by_parameter.reshape(len(columns), -1)
     hessian, gradient = np.zeros((_N, _N)), np.zeros(_N)
@@ -298,9 +325,12 @@ def normal_equations(problem: Problem, state: State, lin: Linearisation) -> Norm
         gradient[camera] += other.gradient
     if lin.lines is not None:
         pulled = lin.lines.derivative * lin.lines.weight
-        hessian += pulled @ lin.lines.derivative.T
-        gradient += pulled @ lin.lines.residual
-        hessian[-1, -1] += _AZIMUTH_RIDGE
+        hessian[_OF_LINES, _OF_LINES] += pulled @ lin.lines.derivative.T
+        gradient[_OF_LINES] += pulled @ lin.lines.residual
+        hessian[_AZIMUTH, _AZIMUTH] += _AZIMUTH_RIDGE
+    if problem.drift is not None:
+        hessian[_DRIFTS, _DRIFTS] += np.diag(problem.drift.precision)
+        gradient[_DRIFTS] += problem.drift.precision * state.drift
 
     stiffness = lin.height_weight / state.noise.height_m**2
     information = stiffness.copy()
@@ -340,19 +370,19 @@ def descend(
     problem: Problem, state: State, *, steps: int, tolerance: float
 ) -> tuple[State, Linearisation]:
     """:func:`minimise`, with the linearisation at the state it returns."""
-    free = np.append(problem.prior.free, problem.lines is not None)
     lin = linearise(problem, state)
     damping = 1e-3
     for _ in range(steps):
         system = normal_equations(problem, state, lin)
         for _ in range(8):
-            step = _damped_step(system, free, damping)
+            step = _damped_step(system, problem.free, damping)
             delta = -(system.height_gradient + system.coupling.T @ step) / system.height_information
             trial = replace(
                 state,
                 parameters=state.parameters + step[:N_PARAMETERS],
                 delta_m=state.delta_m + delta,
-                azimuth=state.azimuth + float(step[N_PARAMETERS]),
+                azimuth=state.azimuth + float(step[_AZIMUTH]),
+                drift=state.drift + step[_DRIFTS],
             )
             attempt = linearise(problem, trial)
             if attempt.cost <= lin.cost:
@@ -367,8 +397,8 @@ def descend(
     return state, lin
 
 
-_LARGEST_STEP = np.array([0.5, 0.25, 0.25, 0.6, 0.05, 0.05, 0.05, 0.1])
-"""Of log f, tilt, roll, log h, D, principal point, azimuth: about the spacing of the starts."""
+_LARGEST_STEP = np.array([0.5, 0.25, 0.25, 0.6, 0.05, 0.05, 0.05, 0.1, 0.1, 0.1, 0.1])
+"""Of log f, tilt, roll, log h, D, principal point, azimuth, drift: about the starts' spacing."""
 
 
 def _damped_step(system: NormalEquations, free: np.ndarray, damping: float) -> np.ndarray:

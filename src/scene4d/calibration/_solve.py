@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from scene4d.calibration import _verdict as verdict
 from scene4d.calibration._body import FOCAL, HEIGHT
 from scene4d.calibration._case import Case, ImageFrame, different_people, ground_errors
+from scene4d.calibration._drift import Drift
 from scene4d.calibration._joint import position_weights, solve
 from scene4d.calibration._lens_choice import with_best_lens
 from scene4d.calibration._lines import Lines
@@ -148,7 +149,8 @@ def _problem(case: Case, prior: Prior, edges_xyxy: np.ndarray | None) -> Problem
     lines = None
     if edges_xyxy is not None and len(edges_xyxy):
         lines = _lines(case.frame, edges_xyxy)
-    return Problem(points, track, weight, case.asked.person_height_m, prior, lines)
+    drift = Drift.of(points) if case.asked.systematics else None
+    return Problem(points, track, weight, case.asked.person_height_m, prior, lines, drift=drift)
 
 
 def _renumbered(track: np.ndarray) -> np.ndarray:

@@ -35,7 +35,7 @@ def covariance(
         Systematic("outliers taken for people: size", leak, _growing),
         Systematic("outliers taken for people: length", leak, _stretched),
     ]
-    if systematics:
+    if systematics and problem.drift is None:
         effects += _SYSTEMATICS
     own = inverse[:N_PARAMETERS, :N_PARAMETERS]
     return own + _shared(problem, state, inverse, effects)
@@ -45,7 +45,7 @@ def _inverse_hessian(problem: Problem, state: State) -> np.ndarray:
     lin = linearise(problem, state)
     lin = replace(lin, weight=observed_weights(problem, lin))
     hessian = normal_equations(problem, state, lin).hessian
-    free = np.append(problem.prior.free, problem.lines is not None)
+    free = problem.free
     inverse = np.zeros_like(hessian)
     inverse[np.ix_(free, free)] = np.linalg.inv(hessian[np.ix_(free, free)])
     return inverse
@@ -85,21 +85,13 @@ def _stretched(points: Points, amount: float) -> Points:
 def _growing(points: Points, amount: float) -> Points:
     """Everybody seen longer by a fraction that grows with the logarithm of their length."""
     size = 0.5 * np.log(points.seen2)
-    return _longer(points, _by_kind(points, amount) * (size - np.median(size)))
+    return _longer(points, amount * (size - np.median(size)))
 
 
 def _growing_aside(points: Points, amount: float) -> Points:
     """Everybody seen longer by a fraction that grows across the picture, in half diagonals."""
-    return _longer(points, _by_kind(points, amount) * points.foot[0])
+    return _longer(points, amount * points.foot[0])
 
-
-def _by_kind(points: Points, amount: float) -> np.ndarray:
-    """The amount for each of the people (n,): boxes are off by more."""
-    return np.where(points.from_box, _BOX_FACTOR * amount, amount)
-
-
-_BOX_FACTOR = 2.0
-"""Boxes grow and shrink with the viewing angle more than bodies do (METHOD section 2, lesson 1)."""
 
 _SYSTEMATICS: tuple[Systematic, ...] = (
     Systematic("lean of people", 0.08, _leaning),
@@ -107,7 +99,7 @@ _SYSTEMATICS: tuple[Systematic, ...] = (
     Systematic("size across the picture", 0.02, _growing_aside),
 )
 """Found on real footage (benchmarks/keypoint_bias.py): lean seen 12 ± 5 % too small, size wrong by
-4 % per e-fold of distance."""
+4 % per e-fold of distance. Boxes have no lean, and their size drifts (:mod:`._drift`)."""
 
 
 def _shared(

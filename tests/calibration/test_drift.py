@@ -1,0 +1,77 @@
+"""Boxes whose size drifts over the picture, by amounts that are drawn from what is believed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import Scene, draw_scene, errors_of, half_diagonal, parameters_of, sigmas_of
+
+from scene4d.calibration import CalibrateOptions, _solve, solve_segments
+from scene4d.calibration._body import Points, predict_heads
+from scene4d.calibration._drift import _SIGMA, Drift
+from scene4d.core.people import Segments
+
+SEEDS = range(30)
+PEOPLE, BAND = 300, 0.35
+
+
+def along_a_diagonal(foot: np.ndarray) -> np.ndarray:
+    """Rows of feet (2, n) near one diagonal of where people are."""
+    x, y = (foot - np.median(foot, axis=1, keepdims=True)) / foot.std(axis=1, keepdims=True)
+    return np.flatnonzero(np.abs(x - y) < BAND)[:PEOPLE]
+
+
+def boxes(scene: Scene, rng: np.random.Generator, drift: np.ndarray, diagonal: bool) -> Segments:
+    """What the model expects of boxes with this drift, with the spread of people and of boxes."""
+    camera, unit = scene.camera, half_diagonal(scene.camera)
+    centre = camera.K[:2, 2]
+    foot = ((scene.people.foot_uv - centre) / unit).T
+    foot = foot[:, along_a_diagonal(foot) if diagonal else np.arange(PEOPLE)]
+    n = foot.shape[1]
+    heights = rng.normal(rng.normal(1.70, 0.03), 0.04, n)
+    points = Points(foot, foot, np.ones(n, bool), 0.04)
+    top = predict_heads(parameters_of(camera), points, heights).head[1]
+    size = np.log(foot[1] - top)
+    away = size - np.median(size)
+    size = size + drift @ np.stack([away, foot[0], away**2]) + rng.normal(0, 0.02, n)
+    head = np.stack([foot[0], foot[1] - np.exp(size)])
+    seen = Segments.from_points(
+        foot.T * unit + centre, head.T * unit + centre, track=np.arange(n), from_box=True
+    )
+    return replace(seen, frame=np.arange(n))
+
+
+def z_of(seed: int, diagonal: bool) -> np.ndarray:
+    """Errors of tilt, roll and log height in stated standard deviations, the lens known."""
+    scene = draw_scene(seed, 8 * PEOPLE, tilt_deg=18.0, height_m=7.0, fov_deg=50.0)
+    rng = np.random.default_rng(1000 + seed)
+    people = boxes(scene, rng, rng.normal(0, _SIGMA), diagonal)
+    options = CalibrateOptions(lens=scene.camera.lens, orientation="people", lines=False)
+    found = solve_segments(people, scene.camera.image_size, options)
+    return (errors_of(scene, found) / np.maximum(sigmas_of(found), 1e-12))[1:]
+
+
+@pytest.mark.parametrize("diagonal", [False, True])
+def test_drift_is_in_the_stated_uncertainty(diagonal):
+    """Where people walk along one diagonal a trend of size with distance turns the horizon."""
+    z = np.array([z_of(seed, diagonal) for seed in SEEDS])
+    rms = np.sqrt((z**2).mean(axis=0))
+    assert (rms > 0.6).all() and (rms < 1.35).all(), rms
+    assert (np.abs(z) < 2).mean() > 0.88
+
+
+def test_without_it_boxes_would_be_surer_than_they_are_right(monkeypatch):
+    monkeypatch.setattr(_solve.Drift, "of", lambda points: None)
+    z = np.array([z_of(seed, False) for seed in SEEDS])
+    assert np.sqrt((z**2).mean(axis=0)).max() > 2
+
+
+def test_people_with_keypoints_do_not_drift():
+    scene = draw_scene(1, 30)
+    uv = scene.people.foot_uv.T, scene.people.head_uv.T
+    points = Points(uv[0], uv[1], np.zeros(30, bool), 0.04)
+    assert Drift.of(points) is None
+    mixed = replace(points, from_box=np.arange(30) < 10)
+    drifted = Drift.of(mixed).at(np.array([0.1, 0.1, 0.1]), np.full(30, 9.0), mixed)
+    assert (drifted.by[:, 10:] == 0).all() and (drifted.gain[10:] == 1).all()
+    assert (drifted.by[:, :10] != 0).any(axis=1).all()
