@@ -176,7 +176,7 @@ class Linearisation:
 
     ``inlier`` (n,) is the probability that a person is as modelled, ``weight`` (2, n) what the
     two residuals count, ``force`` (2, n) half the gradient of the loss by the residuals,
-    ``height_weight`` (t,) what a track's height counts.
+    ``height_weight`` (t,) what a track's height counts, ``loss`` (n,) a person's -2 log p.
     """
 
     residual: Float[np.ndarray, "2 n"]
@@ -188,7 +188,8 @@ class Linearisation:
     height_weight: Float[np.ndarray, "t"]
     cost: float
     lines: LineTerms | None
-    others: tuple[TermValue, ...] = ()
+    others: tuple[TermValue, ...]
+    loss: Float[np.ndarray, "n"]
 
 
 def linearise(problem: Problem, state: State) -> Linearisation:
@@ -263,6 +264,7 @@ def linearise(problem: Problem, state: State) -> Linearisation:
         cost,
         terms,
         others,
+        loss,
     )
 
 

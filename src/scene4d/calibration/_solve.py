@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 from scene4d.calibration import _verdict as verdict
 from scene4d.calibration._body import FOCAL, HEIGHT
 from scene4d.calibration._case import Case, ImageFrame, different_people, ground_errors
+from scene4d.calibration._doubts import Doubts, doubts
 from scene4d.calibration._drift import Drift
 from scene4d.calibration._joint import position_weights, solve
 from scene4d.calibration._lens_choice import with_best_lens
@@ -189,8 +190,9 @@ def _judged(case: Case, problem: Problem, state: State) -> Calibration:
     why = verdict.refusal(
         problem.points, problem.prior, state.parameters, depth, cov, errors.relative, share
     )
-    if why is not None:
-        return case.undetermined(why, inlier)
+    doubt = doubts(case, problem, state, people, share) if why is None else Doubts(why)
+    if doubt.refusal is not None:
+        return case.undetermined(doubt.refusal, inlier)
     along, across = spreads(problem, state.noise)
     return case.found(
         camera=camera,
@@ -199,7 +201,10 @@ def _judged(case: Case, problem: Problem, state: State) -> Calibration:
         residual=case.over_all(np.hypot(lin.residual[0] * along, lin.residual[1] * across), np.nan),
         ground_error_m=errors.within,
         ground_error_from_camera_m=errors.from_camera,
-        warnings=tuple(verdict.warnings(int(case.usable.sum()), people, share, problem.prior, cov)),
+        warnings=(
+            *verdict.warnings(int(case.usable.sum()), people, share, problem.prior, cov),
+            *doubt.warnings,
+        ),
     )
 
 

@@ -27,6 +27,11 @@ _TOLD_TILT = 0.2
 _MIN_DEPTH = 0.15
 """Spread of the feet towards the horizon, in person lengths, below which their noise (about 0.02)
 passes for distance: the horizon then comes out too far away, with false confidence."""
+_ONE_SPOT = 1.0
+"""Reach of the feet, in lengths of a person, below which they are one thing in one place: a flower
+stand taken for a person, under several numbers. It is seen by one ray."""
+_TILT_KNOWN = 0.02
+"""With a prior tilt this precise (radians, 1°), one person in one spot gives the height."""
 _MIN_INLIERS = 0.3
 """Share of inliers below which the footage does not show upright people on a plane."""
 _DIAGONAL_VIEW_DEG = (15.0, 150.0)
@@ -86,6 +91,8 @@ def refusal(
     flat = depth < _MIN_DEPTH and bool(prior.sigma[FOCAL] > FOCAL_KNOWN)
     if flat:
         what = "the focal length is not determined"
+    elif _reach(points) < _ONE_SPOT and prior.sigma[TILT] > _TILT_KNOWN:
+        what = "the tilt is not determined"
     elif focal_sigma > _MAX_FOCAL_SIGMA:
         what = f"the focal length is not determined (± {focal_sigma:.0%})"
     elif not relative_ground_error <= _MAX_GROUND_ERROR:  # true for NaN
@@ -101,8 +108,7 @@ def refusal(
 def _lack(points: Points, *, flat: bool) -> tuple[str, str]:
     """What the people's positions lack, and what would supply it."""
     size = np.hypot(*(points.head - points.foot))
-    reach = float(np.ptp(points.foot, axis=1).max() / np.median(size))
-    if reach < 1.0:
+    if _reach(points) < _ONE_SPOT:
         return (
             "all people stand in one spot",
             "people in other parts of the image, near and far",
@@ -116,6 +122,12 @@ def _lack(points: Points, *, flat: bool) -> tuple[str, str]:
         "the people are too few, or too similar in size and position",
         "more people, near and far and on both sides",
     )
+
+
+def _reach(points: Points) -> float:
+    """How far apart the feet are, in median lengths of a person; single strays do not count."""
+    low, high = np.quantile(points.foot, (0.02, 0.98), axis=1)
+    return float((high - low).max() / np.median(np.sqrt(points.seen2)))
 
 
 def _implausible(parameters: np.ndarray, fisheye: bool) -> str | None:
