@@ -1,15 +1,17 @@
-"""How the sizes of boxes drift over the picture: a smooth error that all boxes share.
+"""What a detector gets wrong with everybody alike: a smooth error over the picture.
 
-A detector's boxes grow or shrink against the body that they show, with its distance, its place and
-the angle under which it is seen; each detector, and each hand that draws, in its own way. A drift
-looks like another camera: a trend with distance like another horizon, one across the picture like
-roll, a bent trend like another focal length. So it is estimated together with the camera, with a
-prior of a few per cent: the logarithm of a box's predicted length L at column x becomes
+Boxes grow or shrink against the body that they show, with its distance, its place and the angle
+under which it is seen; keypoints do so less, and are seen leaning too little or too much, or all of
+them by the same angle; each detector, and each hand that draws, in its own way. A drift looks like
+another camera: a trend of size with distance like another horizon, one across the picture like
+roll, a bent trend or too small a lean like another focal length. So it is estimated together with
+the camera, with a prior, and what it cannot be told from stays uncertain. The logarithm λ of the
+predicted length at column x, and the predicted lean φ (radians), become
 
-    λ + g (λ - λ₀) + a x + b (λ - λ₀)²,    λ = log L,
+    λ + g (λ - λ₀) + a x + b (λ - λ₀)²,    φ + s φ + o,
 
-and what it cannot be told from stays uncertain. λ is the predicted length and not the seen one,
-whose noise would pass for drift.
+with b for boxes alone, and s and o for keypoints, since a box has no lean. Predicted values stand
+in them and not seen ones, whose noise would pass for drift.
 """
 
 from dataclasses import dataclass
@@ -19,50 +21,60 @@ from jaxtyping import Float
 
 from scene4d.calibration._body import Points
 
-N_DRIFTS = 3
-_SIGMA = np.array([0.06, 0.03, 0.06])
-"""Spread of g per e-fold of length, a per half diagonal, b per e-fold squared. With the true
-cameras g is -0.05, -0.03 and -0.07 for three kinds of boxes of PETS 2009 and 0.03 for TownCentre, a
-is -0.02 to -0.04, b -0.04 to 0.1. Between half and twice these values the errors on both cameras
-change by less than 0.2 m where the lens is known."""
+N_DRIFTS = 5
+_SIGMA = np.array([0.06, 0.03, 0.06, 0.12, 0.012])
+"""Spread of g per e-fold of length, a per half diagonal, b per e-fold squared, s, and o (radians).
+
+With the true cameras g of boxes is -0.05, -0.03 and -0.07 for three kinds of PETS 2009 and 0.03 for
+TownCentre, a -0.02 to -0.04, b -0.04 to 0.1. Between half and twice these values the errors on both
+cameras change by less than 0.2 m where the lens is known. For keypoints on five cameras (PETS, two
+cuts of TownCentre, two laboratory cameras) s is 0.20, 0.01, -0.10, -0.13 and 0.06, and o is -0.5,
+1.0, 0.2, -1.1 and -2.6 degrees, the last two of five people each; within tracks g is -0.03 to 0.07
+where tracks are long (`python -m benchmarks.coverage --drift`)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Drifted:
-    """What drift does to log lengths: ``added`` (n,), the derivative of the sum by the log length
-    ``gain`` (n,), and its derivatives ``by`` (3, n) by the coefficients.
+    """What drift does to (log length, lean): ``added`` (2, n), the derivative of the sum by the
+    value itself ``gain`` (2, n), and its derivatives ``by`` (5, 2, n) by the coefficients.
     """
 
-    added: Float[np.ndarray, "n"]
-    gain: Float[np.ndarray, "n"]
-    by: Float[np.ndarray, "3 n"]
+    added: Float[np.ndarray, "2 n"]
+    gain: Float[np.ndarray, "2 n"]
+    by: Float[np.ndarray, "5 2 n"]
 
 
 @dataclass(frozen=True)
 class Drift:
-    """The drift of a set of boxes about the logarithm ``middle`` of their lengths."""
+    """The drift of a set of people about the logarithm ``middle`` of their lengths."""
 
     middle: float
 
     @classmethod
-    def of(cls, points: Points) -> "Drift | None":
-        """That of the boxes among the people; None where there are none."""
-        if not points.has_boxes:
-            return None
-        return cls(float(np.median(0.5 * np.log(points.seen2[points.from_box]))))
+    def of(cls, points: Points) -> "Drift":
+        """That of these people."""
+        return cls(float(np.median(0.5 * np.log(points.seen2))))
 
     @property
-    def precision(self) -> Float[np.ndarray, "3"]:
+    def precision(self) -> Float[np.ndarray, "5"]:
         """Of the coefficients, whose mean is zero."""
         return 1 / _SIGMA**2
 
     def at(
-        self, coefficients: Float[np.ndarray, "3"], log_length: Float[np.ndarray, "n"],
+        self,
+        coefficients: Float[np.ndarray, "5"],
+        log_length: Float[np.ndarray, "n"],
+        lean: Float[np.ndarray, "n"],
         points: Points,
-    ) -> Drifted:  # fmt: skip
-        """Of people with these predicted lengths; people who are no boxes do not drift."""
-        growth, _, bend = coefficients
-        away = np.where(points.from_box, log_length - self.middle, 0.0)
-        by = np.stack([away, np.where(points.from_box, points.foot[0], 0.0), away * away])
-        slope = np.where(points.from_box, growth + 2 * bend * away, 0.0)
-        return Drifted(coefficients @ by, 1 + slope, by)
+    ) -> Drifted:
+        """Of people with these predicted lengths and leans."""
+        growth, _, bend, straightening, _ = coefficients
+        box, away = points.from_box, log_length - self.middle
+        by = np.zeros((N_DRIFTS, 2, len(box)))
+        by[0, 0], by[1, 0] = away, points.foot[0]
+        by[2, 0] = np.where(box, away * away, 0.0)
+        by[3, 1], by[4, 1] = np.where(box, 0.0, lean), ~box
+        gain = np.empty((2, len(box)))
+        gain[0] = 1 + growth + np.where(box, 2 * bend * away, 0.0)
+        gain[1] = 1 + np.where(box, 0.0, straightening)
+        return Drifted(np.einsum("d,dan->an", coefficients, by), gain, by)

@@ -117,8 +117,14 @@ class Problem:
         return tuple(np.flatnonzero(self.prior.free).tolist())
 
     @cached_property
-    def free(self) -> Bool[np.ndarray, "11"]:
-        """What is estimated: of the camera, the azimuth of lines, the drift of boxes."""
+    def of_people(self) -> list[int]:
+        """Indices of all unknowns that people tell: free parameters and drift."""
+        drifts = [] if self.drift is None else range(_N)[_DRIFTS]
+        return [*self.columns, *drifts]
+
+    @cached_property
+    def free(self) -> Bool[np.ndarray, "13"]:
+        """What is estimated: of the camera, the azimuth of lines, the drift."""
         drifts = np.full(N_DRIFTS, self.drift is not None)
         return np.concatenate([self.prior.free, [self.lines is not None], drifts])
 
@@ -159,20 +165,20 @@ class Problem:
 @dataclass(frozen=True, eq=False)
 class State:
     """A point of the search: camera, heights above the mean (m), noise, azimuth of the lines,
-    drift of boxes.
+    drift.
     """
 
     parameters: Float[np.ndarray, "7"]
     delta_m: Float[np.ndarray, "t"]
     noise: Noise
     azimuth: float = 0.0
-    drift: Float[np.ndarray, "3"] = field(default_factory=lambda: np.zeros(N_DRIFTS))
+    drift: Float[np.ndarray, "5"] = field(default_factory=lambda: np.zeros(N_DRIFTS))
 
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
     """Residuals (2, n) in sigmas with derivatives by the free parameters (and the drift, if there
-    are boxes) at a state, their weights, and the cost.
+    is one) at a state, their weights, and the cost.
 
     ``inlier`` (n,) is the probability that a person is as modelled, ``weight`` (2, n) what the
     two residuals count, ``force`` (2, n) half the gradient of the loss by the residuals,
@@ -212,28 +218,29 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     cross = seen[0] * expected[1] - seen[1] * expected[0]
     residual = np.empty_like(seen)
     log_length = 0.5 * np.log(expected2)
-    drifted = None if problem.drift is None else problem.drift.at(state.drift, log_length, points)
-    if drifted is not None:
-        log_length = log_length + drifted.added
     residual[0] = (log_length - 0.5 * np.log(points.seen2)) / along
     residual[1] = np.arctan2(cross, dot) / across
     stretch = expected / (expected2 * along)
-    if drifted is not None:
-        stretch = stretch * drifted.gain
-    turn_x, turn_y = -expected[1] / (expected2 * across), expected[0] / (expected2 * across)
+    turn = np.stack([-expected[1], expected[0]]) / (expected2 * across)
+    drifted = None
+    if problem.drift is not None:
+        lean = np.arctan2(expected[0], -expected[1])
+        drifted = problem.drift.at(state.drift, log_length, lean, points)
+        residual += drifted.added / np.stack([along, across])
+        stretch, turn = stretch * drifted.gain[0], turn * drifted.gain[1]
 
     def in_sigmas(v: np.ndarray) -> np.ndarray:
         """Derivatives of (log length, direction) from those of the predicted head."""
         out = np.empty_like(v)
         out[..., 0, :] = v[..., 0, :] * stretch[0] + v[..., 1, :] * stretch[1]
-        out[..., 1, :] = v[..., 0, :] * turn_x + v[..., 1, :] * turn_y
+        out[..., 1, :] = v[..., 0, :] * turn[0] + v[..., 1, :] * turn[1]
         return out
 
     inlier, upright, push, loss = _mixture(residual, predicted.valid, along, across, noise)
     cost = float(problem.weight @ loss)
     by_parameter = in_sigmas(by_parameter)
     if drifted is not None:
-        by_drift = np.stack([drifted.by / along, np.zeros_like(drifted.by)], axis=1)
+        by_drift = drifted.by / np.stack([along, across])
         by_parameter = np.concatenate([by_parameter, by_drift])
     if not predicted.valid.all():
         residual = np.where(predicted.valid, residual, 0.0)
@@ -302,18 +309,16 @@ def _mixture(
 class NormalEquations:
     """Gauss-Newton system over camera, azimuth and drift, with the heights eliminated."""
 
-    hessian: Float[np.ndarray, "11 11"]
-    gradient: Float[np.ndarray, "11"]
+    hessian: Float[np.ndarray, "13 13"]
+    gradient: Float[np.ndarray, "13"]
     height_information: Float[np.ndarray, "t"]
     height_gradient: Float[np.ndarray, "t"]
-    coupling: Float[np.ndarray, "11 t"]
+    coupling: Float[np.ndarray, "13 t"]
 
 
 def normal_equations(problem: Problem, state: State, lin: Linearisation) -> NormalEquations:
     """``Jᵀ W J`` with one Schur complement per track."""
-    columns = list(problem.columns)
-    if problem.drift is not None:
-        columns += range(_N)[_DRIFTS]
+    columns = problem.of_people
     weighted = lin.by_parameter * lin.weight
     flat = lin.by_parameter.reshape(len(columns), -1)
     hessian, gradient = np.zeros((_N, _N)), np.zeros(_N)
@@ -399,7 +404,7 @@ def descend(
     return state, lin
 
 
-_LARGEST_STEP = np.array([0.5, 0.25, 0.25, 0.6, 0.05, 0.05, 0.05, 0.1, 0.1, 0.1, 0.1])
+_LARGEST_STEP = np.array([0.5, 0.25, 0.25, 0.6, 0.05, 0.05, 0.05, 0.1, *[0.1] * N_DRIFTS])
 """Of log f, tilt, roll, log h, D, principal point, azimuth, drift: about the starts' spacing."""
 
 

@@ -175,11 +175,7 @@ def _lines(frame: ImageFrame, xyxy: np.ndarray) -> Lines:
 def _judged(case: Case, problem: Problem, state: State) -> Calibration:
     """The calibration of a solved problem, or its refusal."""
     people = different_people(case.segments.select(case.usable))
-    cov = covariance(
-        problem,
-        state,
-        systematics=case.asked.systematics,
-    )
+    cov = covariance(problem, state)
     cov[HEIGHT, HEIGHT] += _scale_variance(case, problem, people)
     lin = linearise(problem, state)
     inlier = case.over_all(lin.inlier > 0.5, False)
