@@ -48,7 +48,7 @@ def mixed_problem(seed: int) -> tuple[Problem, State]:
     parameters = parameters_of(scene.camera) + off
     noise = Noise(along=0.04, across=0.05, box_along=0.06, height_m=0.08, short=0.2, stray=0.07)
     delta = rng.normal(0, 0.1, problem.n_heights)
-    drift = np.array([0.05, -0.03, 0.04])
+    drift = np.array([0.05, -0.03, 0.04, -0.1, 0.02])
     return problem, State(parameters, delta, noise, azimuth=0.6, drift=drift)
 
 

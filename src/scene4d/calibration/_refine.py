@@ -5,7 +5,8 @@ Minimises over the camera θ = (log f, tilt, roll, log h, D, cu, cv) and one hei
     Σᵢ wᵢ (-2 log p(aᵢ, cᵢ)) + Σₜ ρ(δₜ² / σ_H²) + Σₖ (θₖ - θ̄ₖ)² / sₖ² + further terms
 
 where aᵢ is the logarithm of predicted over seen length and cᵢ the angle between the two, in sigmas,
-and wᵢ counts a track by its distinct positions rather than by its frames. p is a mixture of
+and wᵢ counts a track by its distinct positions rather than by its frames; both hold the drift
+(:mod:`._drift`) that everybody shares. p is a mixture of
 
     people as modelled          N(a) N(c)
     people seen too short       uniform in a > 1, N(c): truncated, occluded, seated, children
