@@ -1,5 +1,7 @@
 """People whom no camera over one flat ground sees: refused or warned of with the reason."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from odd_people import (
@@ -17,7 +19,7 @@ from odd_people import (
     walkers,
     walks,
 )
-from scenes import parameters_of
+from scenes import correspondence_error, parameters_of
 
 from scene4d.calibration import CalibrateOptions, solve_segments
 from scene4d.core.orientation import Orientation
@@ -128,3 +130,34 @@ def test_ordinary_scenes_raise_no_doubt(known):
         found = solved(walkers(people, people), **known)
         assert found, found.reason
         assert not any("another" in w or "small part" in w for w in found.warnings)
+
+
+GROUND = walks(30, 1)
+UNSEEN = {
+    "all sit": ({"heights_m": 1.25}, (2.0, 3.5)),
+    "all lean by 8°": ({"lean": np.tan(np.radians(8))}, (0.7, 1.7)),
+    "a slope away by 10°": (
+        {"base_m": np.tan(np.radians(10)) * (GROUND[..., 1] - 10)},
+        (1.2, 2.6),
+    ),
+    "a slope across by 8°": ({"base_m": np.tan(np.radians(8)) * GROUND[..., 0]}, (0.2, 0.9)),
+}
+
+
+@pytest.mark.parametrize(("scene", "error_m"), UNSEEN.values(), ids=UNSEEN.keys())
+def test_what_feet_and_heads_cannot_tell_is_an_assumption(scene, error_m):
+    """Nothing is wrong in the picture: docs/method.md and the report name it, with these errors."""
+    found = solved(standing(CAMERA, GROUND, 1, **scene))
+    assert found
+    apart = correspondence_error(CAMERA, found.camera, GROUND.reshape(-1, 2))
+    assert error_m[0] < np.median(apart) < error_m[1]
+
+
+def test_a_mirrored_picture_has_a_mirrored_camera():
+    people = walkers(25, 3)
+    mirror = np.array([SIZE[0] - 1, 0]), np.array([-1, 1])
+    ends = [mirror[0] + mirror[1] * uv for uv in (people.foot_uv, people.head_uv)]
+    found, mirrored = solved(people), solved(replace(people, foot_uv=ends[0], head_uv=ends[1]))
+    assert mirrored.camera.roll_rad == pytest.approx(-found.camera.roll_rad, abs=1e-3)
+    assert mirrored.camera.focal_px == pytest.approx(found.camera.focal_px, rel=1e-2)
+    assert mirrored.warnings == found.warnings

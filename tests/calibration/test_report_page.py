@@ -127,6 +127,7 @@ def test_the_page_says_the_numbers(whole):
     _, page = read(whole)
     first = page.text.index("Camera found: 7.07 ± 0.14\u00a0m above the ground")
     assert "looking 16.5° ± 0.3° down" in page.text
+    assert "Feet and heads cannot show it" in page.text and "not mirrored" in page.text
     assert (
         "about 0.38\u00a0m within the scene and 2.1\u00a0m from the camera (medians)." in page.text
     )
