@@ -24,10 +24,10 @@ from scene4d.calibration._refine import (
 )
 
 _FOLDS = 5
-_STEPS = 6
+_STEPS = 3
 """Of Gauss-Newton for each fold: it starts at the answer from all people."""
 _SEED = 0
-_ENOUGH = 500
+_ENOUGH = 300
 """So many sightings say clearly whether there is a ground; of more, these are drawn."""
 _STRAYS = (0.05, 0.15, 0.3, 0.5, 0.75, 1.0)
 """Shares of strays that the rival may have."""

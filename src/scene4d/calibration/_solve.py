@@ -113,6 +113,8 @@ def solve_segments(
     problem = _problem(case, prior, edges_xyxy)
     state = solve(problem, seed=options.seed)
     if state is None:
+        if verdict.hanging(problem.points):
+            return case.undetermined(verdict.HANGING)
         return case.undetermined("no camera above the ground explains what is seen")
     problem, state = with_best_lens(problem, state, seed=options.seed)
     if problem.points.fisheye:

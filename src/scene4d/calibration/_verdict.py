@@ -59,6 +59,11 @@ BOXES_ALONE = (
     "orientation (orientation), or keypoints (run on the footage itself)"
 )
 
+HANGING = (
+    "most heads lie below the feet in the picture, and no camera above the ground explains them; "
+    "needed: footage turned by 180°, or feet and heads exchanged if they were mixed up"
+)
+
 
 def depth_of(points: Points, up: Float[np.ndarray, "3"], inlier: Bool[np.ndarray, "n"]) -> float:
     """Standard deviation of the feet (n,) across the horizon, in median lengths of a person."""
@@ -80,6 +85,8 @@ def refusal(
 ) -> str | None:
     """Why the camera is undetermined and what would determine it; None if it is determined."""
     if inlier_share < _MIN_INLIERS:
+        if hanging(points):
+            return HANGING
         told = prior.sigma[TILT] < _TOLD_TILT
         first = "an orientation that fits this footage, " if told else ""
         return (
@@ -103,6 +110,11 @@ def refusal(
     where, needed = _lack(points, flat=flat)
     hint = " or a lens file (lens)" if prior.sigma[FOCAL] > 0 else ""
     return f"{what}: {where}; needed: {needed}{hint}"
+
+
+def hanging(points: Points) -> bool:
+    """Whether most heads lie below the feet in the picture, as if the camera hung upside down."""
+    return bool(np.mean(points.seen[1] > 0) > 0.5)
 
 
 def _lack(points: Points, *, flat: bool) -> tuple[str, str]:
