@@ -54,14 +54,23 @@ def doubts(case: Case, problem: Problem, state: State, people: int, agreeing: fl
         )
     where = _where(case, np.arange(len(problem.track)))
     if people >= _MANY and _share_of_picture(case, where) < _SCREEN_AREA:
-        return Doubts(
-            warnings=(
-                f"All people keep to a small part of the picture, {_words(where)}. If that is a "
-                "screen or a mirror, this is not the camera of the footage; elsewhere its ground "
-                "is extrapolated.",
-            )
-        )
+        return _in_one_part(case, where)
     return Doubts()
+
+
+def _in_one_part(case: Case, where: np.ndarray) -> Doubts:
+    text = (
+        f"all people keep to a small part of the picture, {_words(where)}, which may be a screen "
+        "or a mirror"
+    )
+    if case.frame.lens is None:  # on a screen, neither focal length nor middle are the picture's
+        return Doubts(
+            f"{text}; needed: footage in which people walk elsewhere too, or a lens file (lens) if "
+            "they really keep to that part"
+        )
+    return Doubts(
+        warnings=(f"{text[0].upper()}{text[1:]}: then this is not the footage's camera.",)
+    )
 
 
 def _about(rival: Rival, case: Case) -> Doubts:
