@@ -188,7 +188,7 @@ class _Rays:
     valid: np.ndarray
 
 
-def _foot_rays(parameters: np.ndarray, points: Points, columns: tuple[int, ...]) -> _Rays:
+def foot_rays(parameters: np.ndarray, points: Points, columns: tuple[int, ...]) -> _Rays:
     focal = np.exp(parameters[FOCAL])
     straight = straightened(points.foot, parameters, columns, fisheye=points.fisheye)
     xy = straight.points / focal
@@ -206,7 +206,7 @@ def predict_heads(
     """Heads predicted from the feet, with derivatives by the parameters ``columns``."""
     focal, camera_height = np.exp(parameters[FOCAL]), np.exp(parameters[HEIGHT])
     up, d_up = up_vector(parameters[TILT], parameters[ROLL])
-    rays = _foot_rays(parameters, points, columns)
+    rays = foot_rays(parameters, points, columns)
     xy = rays.xy
     down = -(up[0] * xy[0] + up[1] * xy[1] + up[2])  # -(up · d), positive below the horizon
     valid = rays.valid & (down > 1e-9)
@@ -260,12 +260,7 @@ def predict_heads(
     uv = uv * focal
     if FOCAL in columns:
         d_uv[columns.index(FOCAL)] += uv
-    if points.fisheye:
-        curl = curled(uv, focal)
-        uv, d_uv, h_uv = curl.points, curl.carry(d_uv), curl.carry(h_uv)
-        if FOCAL in columns:
-            d_uv[columns.index(FOCAL)] += curl.by_log_focal
-    uv, d_uv, h_uv = _on_sensor(parameters, columns, uv, d_uv, h_uv)
+    uv, d_uv, h_uv = on_footage(parameters, columns, uv, d_uv, h_uv, fisheye=points.fisheye)
     return Prediction(uv, d_uv, h_uv, valid)
 
 
@@ -314,6 +309,21 @@ def _outline(
     d_top = d_centre + HEAD_RADIUS_M * m * d_n
     d_top[:-1] += HEAD_RADIUS_M * d_m[:, None] * n
     return _Outline(centre + HEAD_RADIUS_M * m * n, d_top)
+
+
+def on_footage(
+    parameters: np.ndarray, columns: tuple[int, ...], uv: np.ndarray, d_uv: np.ndarray,
+    h_uv: np.ndarray, *, fisheye: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Points of a pinhole camera, with derivatives in rows by ``columns`` and more, as the lens
+    shows them.
+    """
+    if fisheye:
+        curl = curled(uv, np.exp(parameters[FOCAL]))
+        uv, d_uv, h_uv = curl.points, curl.carry(d_uv), curl.carry(h_uv)
+        if FOCAL in columns:
+            d_uv[columns.index(FOCAL)] += curl.by_log_focal
+    return _on_sensor(parameters, columns, uv, d_uv, h_uv)
 
 
 def _on_sensor(

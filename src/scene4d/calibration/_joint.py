@@ -90,7 +90,9 @@ _FISHEYE_LOG_FOCALS = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25)
 """Angles of the corners from the axis of 156° (a circle in the picture) down to 45°."""
 
 
-def _grid(prior: Prior, focal: tuple[float, ...] = _LOG_FOCALS) -> np.ndarray:
+def orientation_grid(
+    prior: Prior, focal: tuple[float, ...] = _LOG_FOCALS
+) -> Float[np.ndarray, "m 3"]:
     """Orientations (m, 3): the fixed values where fixed, else a spread over the prior."""
     tilt = np.radians([0, 5, 10, 16, 23, 31, 40, 50, 62, 75])
     roll = prior.mean[ROLL] + np.radians([-10, -3, 3, 10])
@@ -121,7 +123,8 @@ def _starting_points(
         rows = np.linspace(0, len(weight) - 1, _GRID_PEOPLE).astype(int)
         points, weight = points.select(rows), weight[rows]
     foot, head = undistort(points.foot, corner)[0], undistort(points.head, corner)[0]
-    orientations = _grid(prior, _FISHEYE_LOG_FOCALS if points.fisheye else _LOG_FOCALS)
+    focals = _FISHEYE_LOG_FOCALS if points.fisheye else _LOG_FOCALS
+    orientations = orientation_grid(prior, focals)
     focal = np.exp(orientations[:, 0])[:, None]
     tilt, roll = orientations[:, 1], orientations[:, 2]
     up = np.stack(
@@ -160,10 +163,10 @@ def _starting_points(
     parameters[:, HEIGHT] = np.log(person_height_m) - level
     gap = parameters - prior.mean
     cost += ((gap @ prior.precision) * gap).sum(axis=1)
-    return parameters[_distinct(parameters, np.argsort(cost), keep)]
+    return parameters[distinct(parameters, np.argsort(cost), keep)]
 
 
-def _distinct(parameters: np.ndarray, order: np.ndarray, keep: int) -> list[int]:
+def distinct(parameters: np.ndarray, order: np.ndarray, keep: int) -> list[int]:
     """Indices of the first ``keep`` candidates that differ clearly from one another."""
     apart = np.array([0.5, 0.2, 0.2])  # log f, tilt, roll: more than a step of the grid
     chosen: list[int] = []
@@ -176,8 +179,12 @@ def _distinct(parameters: np.ndarray, order: np.ndarray, keep: int) -> list[int]
     return chosen
 
 
-def solve(problem: Problem, *, seed: int = 0) -> State | None:
-    """The best camera found, or None where no starting point is possible at all."""
+def solve(
+    problem: Problem, *, seed: int = 0, more_starts: Float[np.ndarray, "m 7"] | None = None
+) -> State | None:
+    """The best camera found, or None where no starting point is possible at all; ``more_starts``
+    are tried besides those that the people suggest.
+    """
     small = _thinned(problem, _SEARCH_PEOPLE, seed)
     people_only = replace(small, lines=None)
     few = len(small.track) < _FEW_PEOPLE
@@ -189,6 +196,8 @@ def solve(problem: Problem, *, seed: int = 0) -> State | None:
         small.prior,
         keep=_STARTS_FOR_FEW if few else _STARTS,
     )
+    if more_starts is not None:
+        starts = np.concatenate([starts, more_starts])
     if len(starts) == 0:
         return None
     candidates: list[tuple[float, int, State]] = []

@@ -11,6 +11,7 @@ from scene4d.calibration._case import Case, ImageFrame, different_people, ground
 from scene4d.calibration._doubts import Doubts, doubts
 from scene4d.calibration._drift import Drift
 from scene4d.calibration._joint import position_weights, solve
+from scene4d.calibration._landmark_answer import landmark_answer
 from scene4d.calibration._lens_choice import with_best_lens
 from scene4d.calibration._lines import Lines
 from scene4d.calibration._paper import paper_calibration
@@ -100,7 +101,8 @@ def solve_segments(
     image_size = as_image_size(image_size)
     case = Case(segments, ImageFrame(image_size, options.known_lens), options)
     usable = case.usable
-    if usable.sum() < verdict.MIN_PEOPLE:
+    known = options.known_landmarks
+    if usable.sum() < verdict.MIN_PEOPLE and known is None:
         return case.undetermined(
             f"{int(usable.sum())} upright people are seen whole, and at least "
             f"{verdict.MIN_PEOPLE} are needed: use more footage, or footage with people in it"
@@ -108,9 +110,12 @@ def solve_segments(
     if options.method == "paper":
         return paper_calibration(case)
     prior = _prior(case)
+    problem = _problem(case, prior, edges_xyxy)
+    if known is not None:
+        found = landmark_answer(case, problem, known, _covariance_of_people)
+        return _with_contradictions(case, found, guessed)
     if segments.from_box[usable].all() and prior.sigma[FOCAL] > verdict.FOCAL_KNOWN:
         return case.undetermined(verdict.BOXES_ALONE)
-    problem = _problem(case, prior, edges_xyxy)
     state = solve(problem, seed=options.seed)
     if state is None:
         if verdict.hanging(problem.points):
@@ -122,6 +127,10 @@ def solve_segments(
     found = _judged(case, problem, state)
     if found and problem.points.fisheye:
         found = replace(found, warnings=(*found.warnings, verdict.FISHEYE_FOUND))
+    return _with_contradictions(case, found, guessed)
+
+
+def _with_contradictions(case: Case, found: Calibration, guessed: bool) -> Calibration:
     if not found or guessed:
         return found
     return replace(found, warnings=(*found.warnings, *_contradictions(case)))
@@ -177,8 +186,7 @@ def _lines(frame: ImageFrame, xyxy: np.ndarray) -> Lines:
 def _judged(case: Case, problem: Problem, state: State) -> Calibration:
     """The calibration of a solved problem, or its refusal."""
     people = different_people(case.segments.select(case.usable))
-    cov = covariance(problem, state)
-    cov[HEIGHT, HEIGHT] += _scale_variance(case, problem, people)
+    cov = _covariance_of_people(case, problem, state)
     lin = linearise(problem, state)
     inlier = case.over_all(lin.inlier > 0.5, False)
     camera = case.frame.camera(state.parameters)
@@ -204,6 +212,13 @@ def _judged(case: Case, problem: Problem, state: State) -> Calibration:
             *doubt.warnings,
         ),
     )
+
+
+def _covariance_of_people(case: Case, problem: Problem, state: State) -> np.ndarray:
+    people = different_people(case.segments.select(case.usable))
+    found = covariance(problem, state)
+    found[HEIGHT, HEIGHT] += _scale_variance(case, problem, people)
+    return found
 
 
 def _scale_variance(case: Case, problem: Problem, people: int) -> float:
@@ -233,12 +248,13 @@ def _contradictions(case: Case) -> list[str]:
     if fixed is not None:
         given = given or Orientation(fixed, 0.0, 0.0, 0.0, np.inf, np.inf)
         given = replace(given, focal_px=fixed, focal_sigma_px=0.0)
-    if given is None or case.segments.from_box[case.usable].all():
+    who = "people" if asked.known_landmarks is None else "people and landmarks"
+    of_boxes = asked.known_landmarks is None and case.segments.from_box[case.usable].all()
+    if given is None or of_boxes:
         return said
     free = replace(asked, orientation="people", estimate_focal=True)
     alone = solve_segments(case.segments, case.frame.image_size, free, guessed=True)
     return said + [
-        f"The {name} that was given, {stated}, contradicts the people, who by themselves say "
-        f"{found}."
+        f"The {name} that was given, {stated}, contradicts the {who}, which alone give {found}."
         for name, stated, found in verdict.disagreements(alone, given)
     ]

@@ -45,6 +45,18 @@ def covariance(problem: Problem, state: State) -> Float[np.ndarray, "7 7"]:
     return own + scatter + _shared(problem, state, inverse, effects)
 
 
+def most_probable(problem: Problem, state: State) -> Float[np.ndarray, "7"]:
+    """The camera at the minimum of the quadratic that fits the cost at ``state``."""
+    lin = linearise(problem, state)
+    system = normal_equations(problem, state, lin)
+    free = np.flatnonzero(problem.free)
+    found = state.parameters.copy()
+    step = np.linalg.solve(system.hessian[np.ix_(free, free)], system.gradient[free])
+    camera = free < N_PARAMETERS
+    found[free[camera]] -= step[camera]
+    return found
+
+
 def _inverse_hessian(problem: Problem, state: State) -> np.ndarray:
     lin = linearise(problem, state)
     lin = replace(lin, weight=observed_weights(problem, lin))

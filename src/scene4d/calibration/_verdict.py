@@ -42,7 +42,7 @@ _FISHEYE_VIEW_DEG = 320.0
 """Of a fisheye lens: one of 190° whose image is a circle across the height of a 4:3 picture."""
 _HEIGHT_M = (0.3, 60.0)
 """Plausible camera heights in metres. Chosen: from knee height to a block of flats."""
-_SIGMAS = 4.0
+SIGMAS = 4.0
 """Values this many standard deviations apart contradict each other: by chance this happens once in
 16,000 times, and stated sigmas are up to 1.5 times too small (docs/orientation.md)."""
 _FEW_PEOPLE = 10
@@ -115,6 +115,24 @@ def refusal(
 def hanging(points: Points) -> bool:
     """Whether most heads lie below the feet in the picture, as if the camera hung upside down."""
     return bool(np.mean(points.seen[1] > 0) > 0.5)
+
+
+def landmark_refusal(
+    covariance: Float[np.ndarray, "7 7"], relative_ground_error: float
+) -> str | None:
+    """As :func:`refusal`, of a camera that landmarks tell: it needs neither people nor depth."""
+    focal_sigma = float(np.sqrt(covariance[FOCAL, FOCAL]))
+    if focal_sigma > _MAX_FOCAL_SIGMA:
+        what = f"the focal length is not determined (± {focal_sigma:.0%})"
+    elif not relative_ground_error <= _MAX_GROUND_ERROR:  # true for NaN
+        what = f"ground positions would be wrong by {relative_ground_error:.0%} of their distance"
+    else:
+        return None
+    return (
+        f"{what}: the landmarks, and the people if there are any, are too few or too close together"
+        "; needed: four or more ground points near and far and on both sides, more people"
+        f"{' or a lens file (lens)' if covariance[FOCAL, FOCAL] > 0 else ''}"
+    )
 
 
 def _lack(points: Points, *, flat: bool) -> tuple[str, str]:
@@ -214,7 +232,7 @@ def disagreements(alone: Calibration, given: Orientation) -> Iterator[tuple[str,
 def _contradict(apart: float, sigma: float, other_sigma: float) -> bool:
     # Both are 0 if the same lens gave both.
     both = float(np.hypot(sigma, other_sigma))
-    return both > 0 and bool(abs(apart) > _SIGMAS * both)
+    return both > 0 and bool(abs(apart) > SIGMAS * both)
 
 
 def _angle(angle_rad: float, sigma_rad: float) -> str:

@@ -6,7 +6,9 @@ from pathlib import Path
 from scene4d.core.body import FOOT_HEIGHT_M, PERSON_HEIGHT_M
 from scene4d.core.camera import Lens
 from scene4d.core.errors import InputError
+from scene4d.core.landmarks import Landmarks
 from scene4d.core.orientation import Orientation
+from scene4d.core.text import prefixed
 
 METHODS = ("joint", "paper")
 CONSENSUS = ("exact", "ransac")
@@ -30,7 +32,9 @@ class CalibrateOptions:
     fixes intrinsics and distortion; with ``estimate_focal`` only the distortion. ``orientation`` is
     ``"auto"`` (the orientation network's estimate is a guess that the people can overrule),
     ``"people"`` (no network), ``"network"`` (the network's estimate is used as is), a JSON file or
-    an :class:`Orientation`. The paper's method uses the network's estimate for ``"auto"`` too.
+    an :class:`Orientation`. ``landmarks`` (a JSON file, or :class:`Landmarks`) are ground points,
+    heights and distances that somebody has measured. The paper's method uses the network's estimate
+    for ``"auto"`` too.
 
     Solver: ``method`` ``"joint"`` estimates everything together; ``"paper"`` takes focal length,
     tilt and roll from the orientation and solves for the height alone, from boxes even where
@@ -50,6 +54,7 @@ class CalibrateOptions:
     person_height_m: float = PERSON_HEIGHT_M
     method: str = "joint"
     orientation: str | Path | Orientation = "auto"
+    landmarks: str | Path | Landmarks | None = None
     estimate_focal: bool = False
     frames: int | None = None
     seed: int = 0
@@ -82,6 +87,11 @@ class CalibrateOptions:
                 "the paper's method needs the camera's orientation (focal length, tilt, roll): "
                 'pass orientation="network" or an orientation file, or use method "joint"'
             )
+        if self.method == "paper" and self.landmarks is not None:
+            raise InputError(
+                "the paper's method estimates the height from people alone and cannot use "
+                'landmarks; use method "joint"'
+            )
         if self.frames is not None and self.frames < 1:
             raise InputError(f"frames must be at least 1, found {self.frames}")
         if self.image_size is not None and min(self.image_size) < 1:
@@ -104,6 +114,12 @@ class CalibrateOptions:
         return self.lens
 
     @property
+    def known_landmarks(self) -> Landmarks | None:
+        """The landmarks, once their file has been read (:meth:`read`)."""
+        assert not isinstance(self.landmarks, str | Path)
+        return self.landmarks
+
+    @property
     def known_orientation(self) -> Orientation | None:
         """The user's orientation, once its file has been read (:meth:`read`)."""
         return self.orientation if isinstance(self.orientation, Orientation) else None
@@ -115,8 +131,10 @@ class CalibrateOptions:
         return None if lens is None or self.estimate_focal else float(lens.K[0, 0])
 
     def read(self, image_size: tuple[int, int]) -> "CalibrateOptions":
-        """A copy with ``lens`` and ``orientation`` read from their files, for this image size."""
-        lens, orientation = self.lens, self.orientation
+        """A copy with ``lens``, ``orientation`` and ``landmarks`` read from their files, for this
+        image size.
+        """
+        lens, orientation, landmarks = self.lens, self.orientation, self.landmarks
         if isinstance(lens, Lens):
             lens = lens.scaled_to(image_size)
         elif lens is not None:
@@ -131,7 +149,18 @@ class CalibrateOptions:
             )
         if not isinstance(orientation, Orientation) and orientation not in _WORDS:
             orientation = Orientation.load(orientation)
-        return replace(self, lens=lens, orientation=orientation)
+        if landmarks is not None:
+            landmarks = _landmarks(landmarks, image_size)
+        return replace(self, lens=lens, orientation=orientation, landmarks=landmarks)
+
+
+def _landmarks(given: str | Path | Landmarks, image_size: tuple[int, int]) -> Landmarks:
+    if isinstance(given, Landmarks):
+        return given.inside(image_size)
+    try:
+        return Landmarks.load(given).inside(image_size)
+    except InputError as error:
+        raise prefixed(error, Path(given)) from error
 
 
 POINTS = CalibrateOptions(

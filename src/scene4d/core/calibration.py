@@ -12,6 +12,7 @@ from scene4d.core.camera import SCHEMA, SCHEMAS, Camera
 from scene4d.core.errors import InputError
 from scene4d.core.files import write_json
 from scene4d.core.json_object import JsonObject
+from scene4d.core.landmarks import LandmarkFit
 from scene4d.core.people import Segments
 from scene4d.core.points import ImageSize, PointsLike, as_image_size, as_points
 
@@ -55,7 +56,8 @@ class Calibration:
     head, as a fraction of the person's length in the image. Files do not contain them, so a loaded
     calibration has only their number and ``scene_motion`` (3x7): the rigid motion of the scene
     (shift along X and Y in metres, rotation in radians) per unit of each parameter, which gives the
-    error within the scene. ``made`` is the origin of the file (source, date, version, command).
+    error within the scene. ``landmarks`` says how what was measured agrees with the camera; it is
+    not in files. ``made`` is the origin of the file (source, date, version, command).
     """
 
     status: str
@@ -76,6 +78,7 @@ class Calibration:
     inliers: int = 0
     scene_motion: Float[np.ndarray, "3 _"] | None = None
     made: dict[str, str] | None = None
+    landmarks: LandmarkFit | None = None
 
     def __post_init__(self) -> None:
         """Take ``people`` and ``inliers`` (numbers of detections) from the segments, if given."""
@@ -173,7 +176,7 @@ class Calibration:
     def walked_ground_sigma_m(
         self,
     ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-        """Ground points (n, 2) of a sample of the feet, with both errors of
+        """Ground points (n, 2) of a sample of the feet, and of the landmarks, with both errors of
         :meth:`ground_sigma_m`: within the scene, and from the camera.
         """
         xy, jacobian, valid = self.ground_jacobian(self._some_feet_uv())
@@ -197,11 +200,10 @@ class Calibration:
         return self.scene_motion
 
     def _some_feet_uv(self) -> np.ndarray:
-        if self.segments is None:
-            return np.empty((0, 2))
-        feet = self.segments.foot_uv
+        feet = np.empty((0, 2)) if self.segments is None else self.segments.foot_uv
         feet = feet if self.inlier is None else feet[self.inlier]
-        return feet[:: max(1, len(feet) // _FEET)]
+        feet = feet[:: max(1, len(feet) // _FEET)]
+        return feet if self.landmarks is None else np.vstack([feet, self.landmarks.ground_uv])
 
     @property
     def parameter_covariance(self) -> Float[np.ndarray, "7 7"]:
