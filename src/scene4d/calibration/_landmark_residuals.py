@@ -9,10 +9,10 @@ Ground points stand in a frame of their own, (X, Y) -> Rot(a) (X + s_x, Y + s_y)
 ground frame: three columns behind the seven of the camera.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from scene4d.calibration._body import (
     ALL,
@@ -76,6 +76,10 @@ class Pixels:
         jacobian = np.stack([by_u, by_v]).transpose(2, 1, 0)
         square = jacobian @ jacobian.transpose(0, 2, 1)
         return cls(at, square * (sigma_px**2)[:, None, None])
+
+    def select(self, rows: Bool[np.ndarray, "n"]) -> "Pixels":
+        """Some of them."""
+        return replace(self, at=self.at[:, rows], covariance=self.covariance[rows])
 
     def as_feet(self) -> Points:
         """These pixels as feet on the ground."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.calibration._body import HEIGHT, N_PARAMETERS, ROLL, TILT, foot_rays
+from scene4d.calibration._body import CORNER, HEIGHT, N_PARAMETERS, ROLL, TILT, foot_rays
 from scene4d.calibration._case import ImageFrame
 from scene4d.calibration._landmark_residuals import (
     FRAME,
@@ -258,35 +258,67 @@ class LandmarkTerm:
         weight = np.where(valid, 1 / (self.point_sigma_m**2 + along2), 0.0)
         return x_axis @ at + 1j * (y_axis @ at), weight
 
-    def log_heights(self, parameters: Float[np.ndarray, "7"]) -> Float[np.ndarray, "m"]:
-        """What landmarks say of the camera's log height, the rest being as in ``parameters``."""
-        unit = parameters.copy()
-        unit[HEIGHT] = 0.0
-        found = -of_distances(unit, self.ends, self.distance_m, self.distance_sigma_m, 0.0).value[
-            :, 0
-        ]
-        seen, weight = self.on_ground(parameters)
-        i, j = np.triu_indices(len(weight), 1)
-        both = (weight[i] > 0) & (weight[j] > 0)
-        i, j = i[both], j[both]
-        stand = self.xyz_m[0] + 1j * self.xyz_m[1]
-        apart, there = np.abs(stand[i] - stand[j]), np.abs(seen[i] - seen[j])
-        told = np.minimum(apart, there) > 0
-        pairs = np.log(apart[told] / there[told])
-        tops = self._tops(unit) if len(self.height_m) else np.zeros(0)
-        return np.concatenate([found[np.abs(found) < 50], pairs, tops])
+    def without(self, index: int) -> "LandmarkTerm":
+        """All but one, counted as points, uprights, distances."""
+        sizes = [len(self.point_sigma_m), len(self.height_m), len(self.distance_m)]
+        every = np.split(np.arange(sum(sizes)) != index, np.cumsum(sizes)[:-1])
+        points, uprights, distances = every
+        return replace(
+            self,
+            points=self.points.select(points),
+            xyz_m=self.xyz_m[:, points],
+            point_sigma_m=self.point_sigma_m[points],
+            feet=self.feet.select(uprights),
+            tops=self.tops.select(uprights),
+            height_m=self.height_m[uprights],
+            height_sigma_m=self.height_sigma_m[uprights],
+            ends=(self.ends[0].select(distances), self.ends[1].select(distances)),
+            distance_m=self.distance_m[distances],
+            distance_sigma_m=self.distance_sigma_m[distances],
+        )
 
-    def _tops(self, unit: np.ndarray) -> np.ndarray:
-        """Log heights at which the tops of uprights rise as far above their feet as seen."""
-        (up, _, _), _ = directions(unit[TILT], unit[ROLL], 0.0)
-        both = [foot_rays(unit, pixels.as_feet(), ()) for pixels in (self.feet, self.tops)]
-        foot, top = (np.vstack([rays.xy, np.ones(rays.xy.shape[1])]) for rays in both)
-        # top ~ foot + κ up: κ by the two numbers of the cross product with the top's ray.
-        across, gap = np.cross(up, top.T), np.cross(foot.T, top.T)
-        kappa = -(across * gap).sum(axis=1) / (across * across).sum(axis=1)
-        down = -(up @ foot)
-        good = (kappa > 1e-9) & (down > 1e-6)
-        return np.log(self.height_m[good] * down[good] / kappa[good])
+    def log_heights(
+        self, orientations: Float[np.ndarray, "m 3"], corner: float
+    ) -> Float[np.ndarray, "m k"]:
+        """What pairs of points, distances and uprights say of the camera's log height at each
+        (log f, tilt, roll); NaN where they say nothing.
+        """
+        i, j = np.triu_indices(len(self.point_sigma_m), 1)
+        points = _on_unit_ground(orientations, self.points, corner)
+        a, b = (_on_unit_ground(orientations, end, corner) for end in self.ends)
+        feet = _on_unit_ground(orientations, self.feet, corner)
+        tops = _on_unit_ground(orientations, self.tops, corner)
+        stand = self.xyz_m[0] + 1j * self.xyz_m[1]
+        # The top of an upright is seen at the place of the ground that lies beyond its foot by the
+        # factor h / (h - H).
+        beyond = 1 - np.abs(feet) / np.abs(tops)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            told = [
+                np.log(np.abs(stand[i] - stand[j]) / np.abs(points[:, i] - points[:, j])),
+                np.log(self.distance_m / np.abs(a - b)),
+                np.log(self.height_m / np.where(beyond > 0, beyond, np.nan)),
+            ]
+        found: np.ndarray = np.concatenate(told, axis=1)
+        return np.where(np.isfinite(found), found, np.nan)
+
+
+def _on_unit_ground(
+    orientations: Float[np.ndarray, "m 3"], seen: Pixels, corner: float
+) -> np.ndarray:
+    """Ground points as complex numbers (m, n) in heights of the camera; NaN above the horizon."""
+    parameters = np.zeros(N_PARAMETERS)
+    parameters[CORNER] = corner
+    straight = foot_rays(parameters, seen.as_feet(), ()).xy
+    focal, tilt, roll = orientations.T
+    ct, st, cr, sr = np.cos(tilt), np.sin(tilt), np.cos(roll), np.sin(roll)
+    x, y = straight[0] / np.exp(focal)[:, None], straight[1] / np.exp(focal)[:, None]
+    aside = cr[:, None] * x + sr[:, None] * y
+    below = cr[:, None] * y - sr[:, None] * x
+    down = ct[:, None] * below + st[:, None]
+    ahead = ct[:, None] - st[:, None] * below
+    down = np.where(down > 1e-4, down, np.nan)
+    found: np.ndarray = aside / down + 1j * (ahead / down)
+    return found
 
 
 def numbers_told(known: Landmarks) -> int:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.calibration._body import FOCAL, HEIGHT, N_PARAMETERS, Points
+from scene4d.calibration._body import CORNER, FOCAL, HEIGHT, N_PARAMETERS, Points
 from scene4d.calibration._joint import distinct, orientation_grid
 from scene4d.calibration._landmarks import LandmarkTerm
 from scene4d.calibration._prior import Prior
@@ -27,6 +27,10 @@ from scene4d.core.errors import InputError
 _BLURS = (0.05, 0.01, 0.0)
 """Half diagonals by which pixels are blurred during the search: a step of the grid, then less."""
 _STARTS = 4
+_GRID_BEST = 40
+_GRID_SPREAD, _GRID_OUTLIER = 0.1, 3.0
+"""Spread of the log heights that landmarks tell at a node of the grid next to the answer, and how
+many spreads count at most."""
 _ROUNDS = 8
 _SETTLED = 0.02
 """The rounds end when the answer moves by so many standard deviations."""
@@ -68,22 +72,36 @@ def landmark_starts(term: LandmarkTerm, prior: Prior) -> Float[np.ndarray, "m 7"
 
     For each orientation of the solver's grid, landmarks tell the height in closed form.
     """
+    grid = np.tile(prior.mean, (len(orientation_grid(prior)), 1))
+    grid[:, :3] = orientation_grid(prior)
+    told = term.log_heights(grid[:, :3], prior.mean[CORNER])
+    known = np.isfinite(told).sum(axis=1)
+    level = np.sort(told, axis=1)[np.arange(len(grid)), np.maximum(known - 1, 0) // 2]
+    grid[known > 0, HEIGHT] = level[known > 0]
+    apart2 = ((told - level[:, None]) / _GRID_SPREAD) ** 2
+    cost = np.where(apart2 < _GRID_OUTLIER**2, apart2, _GRID_OUTLIER**2).sum(axis=1)
+    gap = grid - prior.mean
+    cost = cost + ((gap @ prior.precision) * gap).sum(axis=1)
+    grid = grid[np.argsort(cost)[:_GRID_BEST]]
     blurred = term.blurred(_BLURS[0])
-    found = []
-    for focal, tilt, roll in orientation_grid(prior):
-        parameters = prior.mean.copy()
-        parameters[:3] = focal, tilt, roll
-        told = term.log_heights(parameters)
-        if len(told):
-            parameters[HEIGHT] = np.median(told)
-        gap = parameters - prior.mean
-        cost = blurred.rough_cost(parameters) + float(gap @ prior.precision @ gap)
-        found.append((cost, parameters))
-    grid = np.array([parameters for _, parameters in found])
-    order = np.argsort([cost for cost, _ in found])
-    refined = [_refined(term, prior, start) for start in grid[distinct(grid, order, _STARTS)]]
+    order = np.argsort([blurred.rough_cost(parameters) for parameters in grid])
+    refined = [_refined(term, prior, grid[i]) for i in distinct(grid, order, _STARTS)]
+    best = min(refined, key=lambda pair: pair[0])[1]
+    if term.robust and not term.right(best).min() > 0.5:
+        refined += [_without_one(term, prior, best, i) for i in range(len(term.right(best)))]
     refined.sort(key=lambda pair: pair[0])
     return np.array([parameters for _, parameters in refined])
+
+
+def _without_one(
+    term: LandmarkTerm, prior: Prior, start: np.ndarray, index: int
+) -> tuple[float, np.ndarray]:
+    """As :func:`_refined`, from the answer of all landmarks but one."""
+    state = State(start, np.zeros(0), Noise())
+    others = replace(term.without(index), robust=False)
+    for problem in (nobody(prior, others), nobody(prior, term)):
+        state, lin = descend(problem, state, steps=12, tolerance=1e-3)
+    return lin.cost, state.parameters
 
 
 def _refined(term: LandmarkTerm, prior: Prior, start: np.ndarray) -> tuple[float, np.ndarray]:

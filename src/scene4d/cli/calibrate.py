@@ -129,6 +129,15 @@ def calibrate(
             rich_help_panel=_KNOWN,
         ),
     ] = "auto",
+    landmarks: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="JSON with what was measured in the scene: ground points, heights, distances.",
+            rich_help_panel=_KNOWN,
+            show_default=False,
+        ),
+    ] = None,
     method: Annotated[
         Method,
         typer.Option(
@@ -151,16 +160,30 @@ def calibrate(
     """Calibrate a fixed camera from footage of people walking.
 
     Finds focal length, tilt, roll, lens distortion and height above the ground in metres, with
-    their uncertainty. Nothing is clicked or measured by hand; the scale comes from the mean height
+    their uncertainty. Nothing needs to be clicked or measured: the scale comes from the mean height
     of people.
 
     The camera must not move, the ground must be level where people walk, and at least three people
     must be visible from head to foot. More people, near and far, left and right, are better.
 
+    Measurements in the scene (--landmarks FILE) make it more accurate, and with four or more
+    ground points nobody need be in the picture. FILE holds pixels of the footage, and metres in
+    any frame of your own (y to the left of x, seen from above). Each list may be missing:
+
+      {"points": [{"uv": [412, 530], "xy_m": [8.4, 2.0]}],
+       "uprights": [{"foot_uv": [90, 610], "head_uv": [88, 402],
+                     "height_m": 2.1}],
+       "distances": [{"uv": [[412, 530], [700, 900]],
+                      "distance_m": 12.3}]}
+
+    Optional everywhere: name, sigma_px (2) and sigma_m (uprights 0.02, others 0.05); of points
+    also height_m above the ground.
+
     [bold]Examples[/bold]
 
       scene4d calibrate street.mp4 --out street
       scene4d calibrate "frames/*.jpg" --out yard --lens lens.yaml
+      scene4d calibrate yard.mp4 --out yard --landmarks measured.json
       scene4d calibrate rtsp://10.0.0.7/main --out gate --person-height 1.75
       scene4d calibrate --annotations gt.txt --image-size 1920x1080 \\
           --lens lens.yaml --out mot
@@ -180,6 +203,11 @@ def calibrate(
             "--method joint",
             param_hint="--orientation",
         )
+    if method is Method.paper and landmarks is not None:
+        raise typer.BadParameter(
+            "the paper's method estimates the height from people alone: use --method joint",
+            param_hint="--landmarks",
+        )
     from scene4d.calibration.calibrating import run
     from scene4d.calibration.options import CalibrateOptions
     from scene4d.calibration.writing import write
@@ -191,6 +219,7 @@ def calibrate(
         person_height_m=height_m,
         method=method.value,
         orientation=orientation,
+        landmarks=landmarks,
         estimate_focal=estimate_focal,
         frames=frames,
         seed=seed,
