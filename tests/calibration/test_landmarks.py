@@ -154,18 +154,18 @@ def test_known_noise_comes_out_as_stated(n_points, n_people):
 
 
 def test_the_scale_follows_the_points_against_the_people():
-    """People of 1.50 m, believed to be 1.70 m; four points 2 cm right."""
-    scene = draw_scene(3, 12, fov_deg=60, tilt_deg=25, mean_height_m=1.50, height_sigma=0.03)
-    rng = np.random.default_rng(0)
+    """People of 1.35 m, believed to be 1.70 m; four points 2 cm right."""
+    scene = draw_scene(3, 12, fov_deg=60, tilt_deg=25, mean_height_m=1.35, height_sigma=0.03)
+    rng = np.random.default_rng(1)
     known = Landmarks(Measured(scene.camera, rng, sigma_m=0.02, sigma_px=1.0).points(4))
     people = Segments.from_points(scene.people.foot_uv, scene.people.head_uv, track=np.arange(12))
     options = {"population_sigma_m": 0.03, "lens": scene.camera.lens}
     alone = solve_points(people, scene.camera.image_size, **options)
     found = solve_points(people, scene.camera.image_size, landmarks=known, **options)
-    assert abs(errors_of(scene, alone)[3]) > 0.09
+    assert abs(errors_of(scene, alone)[3]) > 0.2
     assert abs(errors_of(scene, found)[3]) < min(0.03, 3 * sigmas_of(found)[3])
     said = [text for text in found.warnings if "contradict the people: height" in text]
-    assert len(said) == 1 and "people would be 1.5" in said[0]
+    assert len(said) == 1 and "people would be 1.3" in said[0]
 
 
 def test_a_mistyped_point_is_named_and_left_out(measured):

@@ -52,11 +52,18 @@ def landmark_answer(
         return Belief.of(most_probable(problem, there), covariance)
 
     found = fused(term, prior, starts[:2], people)
-    return _judged(case, problem, known, replace(state, parameters=found.parameters), found)
+    alone = None
+    if len(problem.track) >= verdict.MIN_PEOPLE:
+        by_people = solve(problem, seed=case.asked.seed)
+        if by_people is not None:
+            covariance = covariance_of_people(case, problem, by_people)
+            alone = Belief.of(by_people.parameters, covariance)
+    state = replace(state, parameters=found.parameters)
+    return _judged(case, problem, known, state, found, alone)
 
 
 def _judged(
-    case: Case, problem: Problem, known: Landmarks, state: State, found: Fused
+    case: Case, problem: Problem, known: Landmarks, state: State, found: Fused, alone: Belief | None
 ) -> Calibration:
     lin, few = linearise(problem, state), len(problem.track) == 0
     inlier = case.over_all(lin.inlier > 0.5, False)
@@ -77,13 +84,15 @@ def _judged(
         why = verdict.BOXES_ALONE
     if why is not None:
         return case.undetermined(why, inlier)
-    height_m = None if few else case.asked.person_height_m
+    said = list(landmark_warnings(found, fit))
+    if alone is not None:
+        said += _contradictions(found, alone, camera, case.asked.person_height_m)
     return replace(
         answer,
         ground_error_m=errors.within,
         ground_error_from_camera_m=errors.from_camera,
         warnings=(
-            *landmark_warnings(found, fit, camera, height_m),
+            *said,
             *([verdict.FISHEYE_FOUND] if case.frame.fisheye else []),
         ),
     )
@@ -129,12 +138,8 @@ def _expected_uv(
     return np.vstack([points, tops, np.full((len(known.distances), 2), np.nan)])
 
 
-def landmark_warnings(
-    found: Fused, fit: LandmarkFit, camera: Camera, person_height_m: float | None
-) -> Iterator[str]:
-    """Sentences about landmarks that are not as stated, or that people contradict;
-    ``person_height_m`` is None where nobody is seen.
-    """
+def landmark_warnings(found: Fused, fit: LandmarkFit) -> Iterator[str]:
+    """Sentences about landmarks that are not as stated."""
     names = fit.landmarks.names()
     for row in np.flatnonzero(~fit.used):
         yield (
@@ -148,31 +153,24 @@ def landmark_warnings(
             f"count that much less; the largest miss is that of {names[worst]} "
             f"({fit.off_m[worst]:.2f} m)."
         )
-    if person_height_m is not None:
-        yield from _contradictions(found, camera, person_height_m)
 
 
-def _contradictions(found: Fused, camera: Camera, person_height_m: float) -> Iterator[str]:
-    """Values of the people by themselves that landmarks moved by more than chance does.
-
-    The difference of an answer and one that uses more has the difference of their variances
-    (Hausman 1978).
-    """
-    people = found.people
+def _contradictions(
+    found: Fused, people: Belief, camera: Camera, person_height_m: float
+) -> Iterator[str]:
+    """Sentences about values that differ from those of the people alone."""
     free = np.flatnonzero(np.diag(people.precision) > 0)
     alone = np.zeros_like(people.precision)
     alone[np.ix_(free, free)] = np.linalg.inv(people.precision[np.ix_(free, free)])
-    variance, together2 = np.diag(alone), np.diag(found.covariance)
+    sigma, together = np.sqrt(np.diag(alone)), np.sqrt(np.diag(found.covariance))
     moved = found.parameters - people.mean
-    apart2 = np.maximum(variance - together2, 1e-12)
-    sigma, together = np.sqrt(variance), np.sqrt(together2)
     for name, index in (
         ("focal length", FOCAL),
         ("tilt", TILT),
         ("roll", ROLL),
         ("height", HEIGHT),
     ):
-        if index not in free or moved[index] ** 2 <= verdict.SIGMAS**2 * apart2[index]:
+        if abs(moved[index]) <= verdict.SIGMAS * np.hypot(sigma[index], together[index]):
             continue
         with_them, by_people = (
             _words(index, shift, spread, camera)
