@@ -14,7 +14,7 @@ from scene4d.calibration._landmark_residuals import SHIFT
 from scene4d.calibration._landmarks import LandmarkTerm
 from scene4d.calibration._lens_choice import with_best_lens
 from scene4d.calibration._refine import Noise, Problem, State, linearise, spreads
-from scene4d.calibration._uncertainty import most_probable
+from scene4d.calibration._uncertainty import data_covariance, most_probable
 from scene4d.calibration._with_landmarks import Belief, Fused, fused, landmark_starts
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
@@ -44,20 +44,23 @@ def landmark_answer(
             case, term = replace(case, frame=replace(case.frame, fisheye=True)), term.with_fisheye()
             starts, prior = state.parameters[None], problem.prior
 
+    alone, beyond = None, np.zeros_like(prior.precision)
+    if anybody:
+        # What people's errors have in common shows at their own answer.
+        own = solve(problem, seed=case.asked.seed) or state
+        covariance = covariance_of_people(case, problem, own)
+        beyond = covariance - data_covariance(problem, own)
+        if len(problem.track) >= verdict.MIN_PEOPLE:
+            alone = Belief.of(own.parameters, covariance)
+
     def people(parameters: np.ndarray) -> Belief:
         if not anybody:
             return Belief(prior.mean, prior.precision)
         there = replace(state, parameters=parameters)
-        covariance = covariance_of_people(case, problem, there)
+        covariance = data_covariance(problem, there) + beyond
         return Belief.of(most_probable(problem, there), covariance)
 
     found = fused(term, prior, starts[:2], people)
-    alone = None
-    if len(problem.track) >= verdict.MIN_PEOPLE:
-        by_people = solve(problem, seed=case.asked.seed)
-        if by_people is not None:
-            covariance = covariance_of_people(case, problem, by_people)
-            alone = Belief.of(by_people.parameters, covariance)
     state = replace(state, parameters=found.parameters)
     return _judged(case, problem, known, state, found, alone)
 

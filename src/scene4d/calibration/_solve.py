@@ -161,7 +161,7 @@ def _problem(case: Case, prior: Prior, edges_xyxy: np.ndarray | None) -> Problem
     lines = None
     if edges_xyxy is not None and len(edges_xyxy):
         lines = _lines(case.frame, edges_xyxy)
-    drift = Drift.of(points) if case.asked.systematics else None
+    drift = Drift.of(points) if case.asked.systematics and case.usable.any() else None
     return Problem(points, track, weight, case.asked.person_height_m, prior, lines, drift=drift)
 
 

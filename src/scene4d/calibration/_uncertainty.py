@@ -57,6 +57,11 @@ def most_probable(problem: Problem, state: State) -> Float[np.ndarray, "7"]:
     return found
 
 
+def data_covariance(problem: Problem, state: State) -> Float[np.ndarray, "7 7"]:
+    """The part of :func:`covariance` that the cost at ``state`` tells."""
+    return _inverse_hessian(problem, state)[:N_PARAMETERS, :N_PARAMETERS]
+
+
 def _inverse_hessian(problem: Problem, state: State) -> np.ndarray:
     lin = linearise(problem, state)
     lin = replace(lin, weight=observed_weights(problem, lin))

@@ -166,6 +166,15 @@ def calibrate(
     The camera must not move, the ground must be level where people walk, and at least three people
     must be visible from head to foot. More people, near and far, left and right, are better.
 
+    [bold]Examples[/bold]
+
+      scene4d calibrate street.mp4 --out street
+      scene4d calibrate "frames/*.jpg" --out yard --lens lens.yaml
+      scene4d calibrate yard.mp4 --out yard --landmarks measured.json
+      scene4d calibrate rtsp://10.0.0.7/main --out gate --person-height 1.75
+      scene4d calibrate --annotations gt.txt --image-size 1920x1080 \\
+          --lens lens.yaml --out mot
+
     Measurements in the scene (--landmarks FILE) make it more accurate, and with four or more
     ground points nobody need be in the picture. FILE holds pixels of the footage, and metres in
     any frame of your own (y to the left of x, seen from above). Each list may be missing:
@@ -178,15 +187,6 @@ def calibrate(
 
     Optional everywhere: name, sigma_px (2) and sigma_m (uprights 0.02, others 0.05); of points
     also height_m above the ground.
-
-    [bold]Examples[/bold]
-
-      scene4d calibrate street.mp4 --out street
-      scene4d calibrate "frames/*.jpg" --out yard --lens lens.yaml
-      scene4d calibrate yard.mp4 --out yard --landmarks measured.json
-      scene4d calibrate rtsp://10.0.0.7/main --out gate --person-height 1.75
-      scene4d calibrate --annotations gt.txt --image-size 1920x1080 \\
-          --lens lens.yaml --out mot
 
     If the people do not determine the camera, the exit code is 1, and camera.json and the report
     say what is missing.
