@@ -43,6 +43,9 @@ ALL = tuple(range(N_PARAMETERS))
 class Points:
     """Image points of a set of people, centred and in half diagonals (module docstring), (2, n),
     taken with a ``fisheye`` lens or with an ordinary one.
+
+    ``ground_m`` is the height of the ground on which each stands, 0 for the camera's own;
+    ``ground_sigma_m`` is the standard deviation of the others', which err together.
     """
 
     foot: Float[np.ndarray, "2 n"]
@@ -50,6 +53,8 @@ class Points:
     from_box: Bool[np.ndarray, "n"]
     foot_height_m: float
     fisheye: bool = False
+    ground_m: float | Float[np.ndarray, "n"] = 0.0
+    ground_sigma_m: float = 0.0
 
     @cached_property
     def has_boxes(self) -> bool:
@@ -68,8 +73,13 @@ class Points:
 
     def select(self, rows: np.ndarray) -> "Points":
         """The given people, as a mask or as indices."""
+        ground_m = self.ground_m[rows] if isinstance(self.ground_m, np.ndarray) else self.ground_m
         return replace(
-            self, foot=self.foot[:, rows], head=self.head[:, rows], from_box=self.from_box[rows]
+            self,
+            foot=self.foot[:, rows],
+            head=self.head[:, rows],
+            from_box=self.from_box[rows],
+            ground_m=ground_m,
         )
 
 
@@ -216,7 +226,7 @@ def predict_heads(
     if points.has_boxes:
         foot_z = np.where(points.from_box, 0.0, points.foot_height_m)
         top = height_m - np.where(points.from_box, HEAD_RADIUS_M, 0.0)
-    clearance = camera_height - foot_z
+    clearance = camera_height - points.ground_m - foot_z
     scale = down / clearance  # m of the module docstring
     d_scale = np.empty((len(columns), xy.shape[1]))
     for row, column in enumerate(columns):
@@ -237,7 +247,7 @@ def predict_heads(
     if points.has_boxes:
         outline = _outline(q, points.from_box, span, rays, columns, up, d_up, scale, d_scale)
         q[:, points.from_box] = outline.q
-    valid = valid & (q[2] > 1e-6)
+    valid = valid & (q[2] > 1e-6) & (clearance > 0)
     depth = np.where(valid, q[2], 1.0)
     uv = q[:2] / depth
     zoom = focal / depth

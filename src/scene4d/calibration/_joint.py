@@ -46,6 +46,9 @@ _SEARCH_WIDTH, _SEARCH_WIDTH_FOR_FEW = 2.0, 1.0
 few, outliers make valleys of their own, which only more and narrower starts tell apart."""
 _NOISE_ROUNDS = 4
 """Rounds of expectation-maximisation for the noise, camera and noise in turns."""
+TRACK_CORRELATION = 0.12
+"""Of one person's errors across the body in different places (gait, posture); PETS has 0.11
+(benchmarks/keypoint_bias.py)."""
 NEW_POSITION = 0.25
 """A track counts anew when its feet have moved by this fraction of the person's length: about half
 a step, after which the posture is another one. Chosen by hand; docs/ablation.md has the effect."""

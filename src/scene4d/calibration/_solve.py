@@ -10,9 +10,11 @@ from scene4d.calibration._body import FOCAL, HEIGHT
 from scene4d.calibration._case import Case, ImageFrame, different_people, ground_errors
 from scene4d.calibration._doubts import Doubts, doubts
 from scene4d.calibration._drift import Drift
-from scene4d.calibration._joint import position_weights, solve
+from scene4d.calibration._joint import TRACK_CORRELATION, position_weights, solve
 from scene4d.calibration._landmark_answer import landmark_answer
 from scene4d.calibration._lens_choice import with_best_lens
+from scene4d.calibration._level_result import with_level
+from scene4d.calibration._levels import second_level
 from scene4d.calibration._lines import Lines
 from scene4d.calibration._paper import paper_calibration
 from scene4d.calibration._prior import CENTRE_SIGMA, Prior, default_prior
@@ -26,9 +28,6 @@ from scene4d.core.orientation import Orientation
 from scene4d.core.people import Segments
 from scene4d.core.points import ImageSize, as_image_size
 
-TRACK_CORRELATION = 0.12
-"""Of one person's errors across the body in different places (gait, posture); PETS has 0.11
-(benchmarks/keypoint_bias.py)."""
 _LENS_AGREEMENT = 0.03
 """Relative difference of two given focal lengths that is worth a warning. Chosen by hand: three
 times what lens calibrations of one camera differ by."""
@@ -124,7 +123,10 @@ def solve_segments(
     problem, state = with_best_lens(problem, state, seed=options.seed)
     if problem.points.fisheye:
         case = replace(case, frame=replace(case.frame, fisheye=True))
-    found = _judged(case, problem, state)
+    level = second_level(problem, state, segments.foot_uv[usable], systematics=options.systematics)
+    if level is not None and level.believed:
+        problem, state = level.problem, level.state
+    found = with_level(_judged(case, problem, state), level, usable)
     if found and problem.points.fisheye:
         found = replace(found, warnings=(*found.warnings, verdict.FISHEYE_FOUND))
     return _with_contradictions(case, found, guessed)

@@ -39,6 +39,7 @@ def covariance(problem: Problem, state: State) -> Float[np.ndarray, "7 7"]:
     effects = [
         Systematic("outliers taken for people: size", leak, _growing),
         Systematic("outliers taken for people: length", leak, _stretched),
+        Systematic("height of a second ground level", problem.points.ground_sigma_m, _raised),
     ]
     own = inverse[:N_PARAMETERS, :N_PARAMETERS]
     scatter = _beyond_the_model(problem, state, inverse)
@@ -155,6 +156,11 @@ def _stretched(points: Points, amount: float) -> Points:
     return _longer(points, amount)
 
 
+def _raised(points: Points, amount: float) -> Points:
+    """Everybody on another level than the camera's ground stands higher (m)."""
+    return replace(points, ground_m=np.where(points.ground_m != 0, points.ground_m + amount, 0.0))
+
+
 def _growing(points: Points, amount: float) -> Points:
     """Everybody seen longer by a fraction that grows with the logarithm of their length."""
     size = 0.5 * np.log(points.seen2)
@@ -172,6 +178,8 @@ def _shared(
     total = np.zeros((N_PARAMETERS, N_PARAMETERS))
     here = _gradient(problem, state)
     for effect in effects:
+        if effect.sigma == 0:
+            continue
         disturbed = replace(problem, points=effect.disturb(problem.points, effect.sigma))
         shift = -(inverse @ (_gradient(disturbed, state) - here))[:N_PARAMETERS]
         total += np.outer(shift, shift)

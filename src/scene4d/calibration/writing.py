@@ -84,7 +84,8 @@ def _people_table(found: Calibration) -> dict[str, np.ndarray]:
     nowhere = np.full((n, 2), np.nan)
     on_ground = nowhere
     if found and found.camera is not None:
-        on_ground = found.camera.locate(segments.foot_uv, segments.foot_height_m)[0]
+        foot_m = found.ground_height_m(segments.foot_uv)[0] + segments.foot_height_m
+        on_ground = found.camera.locate(segments.foot_uv, foot_m)[0]
     return {
         "frame": segments.frame,
         "time_s": segments.time_s,

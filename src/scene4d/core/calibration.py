@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from scene4d.core._calibration_fields import percentiles, texts, uncertainty
+from scene4d.core._ground_error import common_motion, propagated, rigid_motions
+from scene4d.core._ground_error import sigma_m as _sigma_m
 from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.camera import SCHEMA, SCHEMAS, Camera
 from scene4d.core.errors import InputError
 from scene4d.core.files import write_json
+from scene4d.core.ground_regions import GroundRegion, ground_heights
 from scene4d.core.json_object import JsonObject
 from scene4d.core.landmarks import LandmarkFit
 from scene4d.core.people import Segments
@@ -56,8 +60,10 @@ class Calibration:
     head, as a fraction of the person's length in the image. Files do not contain them, so a loaded
     calibration has only their number and ``scene_motion`` (3x7): the rigid motion of the scene
     (shift along X and Y in metres, rotation in radians) per unit of each parameter, which gives the
-    error within the scene. ``landmarks`` says how what was measured agrees with the camera; it is
-    not in files. ``made`` is the origin of the file (source, date, version, command).
+    error within the scene. ``ground_regions`` are parts of the picture whose ground lies above or
+    below that of the camera (:meth:`ground_height_m`). ``landmarks`` says how what was measured
+    agrees with the camera; it is not in files. ``made`` is the origin of the file (source, date,
+    version, command).
     """
 
     status: str
@@ -79,6 +85,7 @@ class Calibration:
     scene_motion: Float[np.ndarray, "3 _"] | None = None
     made: dict[str, str] | None = None
     landmarks: LandmarkFit | None = None
+    ground_regions: tuple[GroundRegion, ...] = ()
 
     def __post_init__(self) -> None:
         """Take ``people`` and ``inliers`` (numbers of detections) from the segments, if given."""
@@ -169,9 +176,46 @@ class Calibration:
             self._camera()
             raise InputError("the error of this camera is not known: it has no covariance")
         xy, jacobian, valid = self.ground_jacobian(uv)
+        by_level = self.moved_by_ground_height(uv, xy)
         if not from_camera:
-            jacobian = jacobian - _rigid_motions(xy) @ self._motion(aligned_over_uv)
-        return _propagated(jacobian, self.covariance), valid
+            jacobian = jacobian - rigid_motions(xy) @ self._motion(aligned_over_uv)
+        covariance = propagated(jacobian, self.covariance)
+        return covariance + by_level[:, :, None] * by_level[:, None, :], valid
+
+    def ground_height_m(
+        self, uv: Float[np.ndarray, "n 2"]
+    ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+        """Height (m) of the ground under feet seen at pixels of the footage, with its standard
+        deviation: 0 but inside ``ground_regions``.
+        """
+        return ground_heights(self.ground_regions, uv)
+
+    def ground_pixels(
+        self, xy_m: Float[np.ndarray, "n 2"]
+    ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+        """Pixels of the footage at which feet on ground points are seen, and validity: on the
+        ground of a region if they are seen inside it, else on Z = 0.
+        """
+        camera = self._camera()
+        uv, valid = camera.project(np.column_stack([xy_m, np.zeros(len(xy_m))]))
+        free = np.ones(len(xy_m), bool)
+        for region in self.ground_regions:
+            level = np.column_stack([xy_m, np.full(len(xy_m), region.height_m)])
+            there, seen = camera.project(level)
+            rows = free & seen & region.contains(there)
+            uv[rows], valid[rows] = there[rows], True
+            free &= ~rows
+        return uv, valid
+
+    def moved_by_ground_height(
+        self, uv: Float[np.ndarray, "n 2"], xy_m: Float[np.ndarray, "n 2"]
+    ) -> Float[np.ndarray, "n 2"]:
+        """By how much (m) the ground points ``xy_m`` at pixels ``uv`` move if the ground of their
+        region is one standard deviation higher: towards the camera, and not at all outside.
+        """
+        height_m, sigma_m = self.ground_height_m(uv)
+        centre = self._camera().centre_m
+        return (centre[:2] - xy_m) * (sigma_m / (centre[2] - height_m))[:, None]
 
     def walked_ground_sigma_m(
         self,
@@ -181,7 +225,7 @@ class Calibration:
         """
         xy, jacobian, valid = self.ground_jacobian(self._some_feet_uv())
         xy, jacobian = xy[valid], jacobian[valid]
-        within = jacobian - _rigid_motions(xy) @ _common_motion(xy, jacobian)
+        within = jacobian - rigid_motions(xy) @ common_motion(xy, jacobian)
         sigma_m = [_sigma_m(j, self.parameter_covariance) for j in (within, jacobian)]
         return xy, sigma_m[0], sigma_m[1]
 
@@ -191,7 +235,7 @@ class Calibration:
             over_uv = self._some_feet_uv()
         if over_uv is not None:
             xy, jacobian, valid = self.ground_jacobian(over_uv)
-            return _common_motion(xy[valid], jacobian[valid])
+            return common_motion(xy[valid], jacobian[valid])
         if self.scene_motion is None:
             raise InputError(
                 "the error within the scene needs to know where people walked, which this "
@@ -214,12 +258,12 @@ class Calibration:
     def ground_jacobian(
         self, uv: Float[np.ndarray, "n 2"]
     ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2 7"], Bool[np.ndarray, "n"]]:
-        """Ground points (n, 2) at pixels of the footage, their derivatives with respect to
-        :data:`PARAMETERS`, and validity; NaN at and above the horizon. Raises :class:`InputError`
-        without a camera.
+        """Ground points (n, 2) at pixels of the footage (:meth:`ground_height_m`), their
+        derivatives with respect to :data:`PARAMETERS`, and validity; NaN at and above the horizon.
+        Raises :class:`InputError` without a camera.
         """
-        camera = self._camera()
-        xy, valid = camera.locate(uv)
+        camera, height_m = self._camera(), self.ground_height_m(uv)[0]
+        xy, valid = camera.locate(uv, height_m)
         known = (
             np.ones(len(PARAMETERS), bool)
             if self.covariance is None
@@ -235,7 +279,7 @@ class Calibration:
                 step = np.zeros(len(PARAMETERS))
                 step[index] = sign * _STEP
                 other = camera.disturbed(step)
-                there, ok = other.locate(uv)
+                there, ok = other.locate(uv, height_m)
                 valid &= ok
                 ends.append(there)
             columns.append((ends[1] - ends[0]) / (2 * _STEP))
@@ -289,8 +333,8 @@ class Calibration:
         fields = JsonObject.read(path, *SCHEMAS)
         camera = Camera.from_fields(fields)
         height = "person_height_m"
-        covariance, scene_motion = _uncertainty(fields)
-        within, from_camera = (_percentiles(fields, name) for name in _ERRORS)
+        covariance, scene_motion = uncertainty(fields, (PARAMETERS, PARAMETERS[:_FIRST]))
+        within, from_camera = (percentiles(fields, name) for name in _ERRORS)
         frames, people, inliers = (
             fields.integer(name, least=0) if name in fields else 0
             for name in ("frames", "people", "inliers")
@@ -311,7 +355,8 @@ class Calibration:
             people=people,
             inliers=inliers,
             scene_motion=scene_motion,
-            made=_texts(fields.object("made")) if "made" in fields else None,
+            made=texts(fields.object("made")) if "made" in fields else None,
+            ground_regions=GroundRegion.all_in(fields, camera.height_m),
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -330,6 +375,8 @@ class Calibration:
             if self.covariance is not None:
                 values["covariance"] = self._covariance_fields(self.covariance)
             values |= {name: getattr(self, name) for name in _ERRORS}
+            if self.ground_regions:
+                values["ground_regions"] = [r.to_dict() for r in self.ground_regions]
         values |= {
             "method": self.method,
             "person_height_m": self.person_height_m,
@@ -349,37 +396,6 @@ class Calibration:
         return fields
 
 
-def _percentiles(fields: JsonObject, name: str) -> dict[str, float] | None:
-    if name not in fields:
-        return None
-    inside = fields.object(name)
-    return {key: inside.number(key, least=0.0) for key in inside.names()}
-
-
-def _texts(fields: JsonObject) -> dict[str, str]:
-    return {name: fields.text(name) for name in fields.names()}
-
-
-def _uncertainty(
-    fields: JsonObject,
-) -> tuple[Float[np.ndarray, "7 7"] | None, Float[np.ndarray, "3 7"] | None]:
-    """``covariance`` and ``scene_motion``; None if missing from the file."""
-    if "covariance" not in fields:
-        return None, None
-    inside = fields.object("covariance")
-    names = inside.texts("parameters")
-    n = len(names)
-    if names not in (PARAMETERS, PARAMETERS[:_FIRST]):
-        raise inside.error("parameters", f"the list {', '.join(PARAMETERS)}")
-    matrix = inside.array("matrix", n, n)
-    size = float(np.abs(matrix).max())
-    symmetric = np.allclose(matrix, matrix.T, rtol=0, atol=1e-9 * size)
-    if not symmetric or np.linalg.eigvalsh(matrix).min() < -1e-9 * size:
-        raise inside.error("matrix", "a covariance: symmetric, with no negative variance")
-    motion = inside.array("scene_motion", 3, n) if "scene_motion" in inside else None
-    return matrix, motion
-
-
 def _over_all_parameters(values: np.ndarray) -> np.ndarray:
     """A covariance, or derivatives in columns, of the first five parameters as those of all."""
     values = np.asarray(values, float)
@@ -388,29 +404,3 @@ def _over_all_parameters(values: np.ndarray) -> np.ndarray:
         return values
     rows = missing if values.shape[0] == values.shape[1] else 0
     return np.pad(values, ((0, rows), (0, missing)))
-
-
-def _rigid_motions(xy: np.ndarray) -> np.ndarray:
-    """Displacements (n, 2, 3) of ground points by shifts along X and Y and by a small turn."""
-    motions = np.zeros((len(xy), 2, 3))
-    motions[:, 0, 0] = motions[:, 1, 1] = 1.0
-    motions[:, 0, 2], motions[:, 1, 2] = -xy[:, 1], xy[:, 0]
-    return motions
-
-
-def _common_motion(xy: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
-    """Derivatives (3, 7) of the rigid motion nearest to those of ground points (n, 2, 7)."""
-    if len(xy) < 2:
-        return np.zeros((3, len(PARAMETERS)))
-    design, answer = _rigid_motions(xy).reshape(-1, 3), jacobian.reshape(-1, len(PARAMETERS))
-    motion: np.ndarray = np.linalg.lstsq(design, answer, rcond=None)[0]
-    return motion
-
-
-def _propagated(jacobian: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    return jacobian @ covariance @ np.swapaxes(jacobian, -1, -2)
-
-
-def _sigma_m(jacobian: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    sigma_m: np.ndarray = np.sqrt(np.trace(_propagated(jacobian, covariance), axis1=1, axis2=2))
-    return sigma_m

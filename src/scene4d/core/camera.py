@@ -293,6 +293,10 @@ class Camera(Lens):
             *geometry.locate(self.P, points, np.broadcast_to(height, len(points))), single
         )
 
+    def on_ground(self, height_m: float) -> "Camera":
+        """The same camera over a ground ``height_m`` above its own, which becomes Z = 0."""
+        return replace(self, t=self.t + self.R @ np.array([0.0, 0.0, height_m]))
+
     def disturbed(self, step: Float[np.ndarray, "p"]) -> "Camera":
         """The camera changed by (log f, tilt, roll, log height, corner distortion, and the two
         coordinates of the principal point, which may be left out); heading kept.

@@ -15,6 +15,7 @@ from scene4d.core.camera import Camera
 from scene4d.drawing import style
 from scene4d.drawing.ground import Area, footprints, grid_step, grid_values, thinned, walked_area
 from scene4d.drawing.overlay import people_of
+from scene4d.drawing.regions import regions_from_above
 from scene4d.drawing.scenery import in_frame
 
 _MAX_SIDE_PX = 1100
@@ -38,7 +39,7 @@ def draw_birdseye(
     if camera is None:
         raise ValueError("a bird's-eye view needs a camera")
     segments, used = people_of(calibration)
-    xy = footprints(camera, segments)
+    xy = footprints(camera, segments, calibration.ground_height_m(segments.foot_uv)[0])
     walked = walked_area(xy[used], camera)
     if walked is None:
         return None
@@ -48,6 +49,7 @@ def draw_birdseye(
     show_ground(axes, view)
     handles = [*viewed(axes, camera, view), *_footprints(axes, xy, used, segments.track)]
     handles += camera_mark(axes, camera, area)
+    handles += regions_from_above(axes, calibration, area)
     return style.drawn(fig, handles, 0.27)
 
 

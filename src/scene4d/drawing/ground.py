@@ -36,21 +36,27 @@ class Area:
         return self.y_max - self.y_min
 
 
-def footprints(camera: Camera, segments: Segments) -> Float[np.ndarray, "n 2"]:
-    """Ground position of every segment's foot; NaN where its ray meets no ground."""
-    return camera.locate(segments.foot_uv, segments.foot_height_m)[0]
+def footprints(
+    camera: Camera, segments: Segments, ground_m: float | Float[np.ndarray, "n"] = 0.0
+) -> Float[np.ndarray, "n 2"]:
+    """Ground position of every segment's foot, on a ground of this height; NaN where its ray meets
+    no ground.
+    """
+    return camera.locate(segments.foot_uv, segments.foot_height_m + ground_m)[0]
 
 
-def implied_heights(camera: Camera, segments: Segments) -> Float[np.ndarray, "n"]:
+def implied_heights(
+    camera: Camera, segments: Segments, ground_m: float | Float[np.ndarray, "n"] = 0.0
+) -> Float[np.ndarray, "n"]:
     """Height in metres of every person: the upright on its footprint that best meets its head.
 
     ``head ~ P (X, Y, h, 1)``, cross-multiplied, is two equations linear in ``h``; their least
     squares solution is closed. NaN where the foot meets no ground.
     """
     P = camera.P
-    xy = footprints(camera, segments)
+    xy = footprints(camera, segments, ground_m)
     uv, _ = camera.undistort(segments.head_uv)
-    base = xy @ P[:, :2].T + P[:, 3]
+    base = xy @ P[:, :2].T + P[:, 3] + np.multiply.outer(ground_m, P[:, 2])
     slope = P[:2, 2] - uv * P[2, 2]
     gap = uv * base[:, 2:] - base[:, :2]
     norm = np.sum(slope**2, axis=1)

@@ -27,7 +27,8 @@ def inlier_heights(
     if calibration.camera is None or not used.any():
         return np.empty(0), np.empty(0)
     chosen = segments.select(used)
-    heights = implied_heights(calibration.camera, chosen)
+    ground_m, _ = calibration.ground_height_m(chosen.foot_uv)
+    heights = implied_heights(calibration.camera, chosen, ground_m)
     medians = track_medians(heights, chosen.track)
     return heights[np.isfinite(heights)], medians
 

@@ -14,6 +14,7 @@ from scene4d.core.geometry import horizon_line
 from scene4d.core.people import Segments
 from scene4d.drawing import style
 from scene4d.drawing.ground import Area, footprints, grid_step, thinned, walked_area
+from scene4d.drawing.regions import regions_in_picture
 from scene4d.drawing.scenery import (
     GridLine,
     grid_lines,
@@ -80,7 +81,9 @@ def _between_sides(camera: Camera) -> Float[np.ndarray, "n 2"]:
 
 def _geometry(axes: Axes, calibration: Calibration, camera: Camera) -> list[Any]:
     segments, used = people_of(calibration)
-    xy = footprints(camera, segments)[used]
+    xy = footprints(camera, segments)[
+        used & (calibration.ground_height_m(segments.foot_uv)[0] == 0)
+    ]
     uprights, curves = _uprights(axes, camera, xy, calibration.person_height_m)
     people = _people(
         axes,
@@ -93,7 +96,8 @@ def _geometry(axes: Axes, calibration: Calibration, camera: Camera) -> list[Any]
     area = walked_area(xy, camera)
     grid = [] if area is None else _grid(axes, camera, area, curves)
     horizon = _horizon(axes, camera, calibration.covariance)
-    return [*people, *uprights, *horizon, *_ticks(axes, camera), *grid]
+    regions = regions_in_picture(axes, calibration)
+    return [*people, *uprights, *horizon, *_ticks(axes, camera), *grid, *regions]
 
 
 def people_of(calibration: Calibration) -> tuple[Segments, Bool[np.ndarray, "n"]]:

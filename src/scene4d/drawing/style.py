@@ -23,7 +23,7 @@ UPRIGHT, HORIZON, TICK = "#FFC845", "#5FE3E8", "#FFFFFF"
 INK, FAINT, CANVAS = "#22272E", "#8A929C", "#414952"
 AXIS = "#76808C"
 """Letters beside a picture: readable (4:1) on a white page and on a dark one."""
-NETWORK = "#FF9BE8"
+NETWORK, REGION = "#FF9BE8", "#B8F25A"
 # Okabe and Ito (2008), without the reds, which mean "rejected" here.
 TRACKS = ("#E69F00", "#009E73", "#CC79A7", "#F0E442", "#56B4E9")
 BANDS = ("#FFFFCC", "#FEDD7F", "#FEAE45", "#F4622B", "#C9161D", "#6E0028")

@@ -73,17 +73,22 @@ def camera_factor_of(calibration: Calibration) -> CameraFactor | None:
     """What the camera's error moves places by (:data:`CameraFactor`); NaN where a place is not
     known, and behind the camera. None where the camera, or its error, is not known.
     """
-    camera, covariance = calibration.camera, calibration.parameter_covariance
-    if camera is None or not covariance.any():
+    covariance = calibration.parameter_covariance
+    if calibration.camera is None or not covariance.any():
         return None
     root = _root(covariance)
+    columns = root.shape[1] + bool(calibration.ground_regions)
 
     def factor(xy_m: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, "m 2 k"]:
-        found = np.full((len(xy_m), 2, root.shape[1]), np.nan)
+        found = np.full((len(xy_m), 2, columns), np.nan)
         rows = np.flatnonzero(np.isfinite(xy_m).all(axis=1))
-        uv, seen = camera.project(np.column_stack([xy_m[rows], np.zeros(len(rows))]))
+        uv, seen = calibration.ground_pixels(xy_m[rows])
         _, jacobian, _ = calibration.ground_jacobian(uv[seen])
-        found[rows[seen]] = jacobian @ root
+        found[rows[seen], :, : root.shape[1]] = jacobian @ root
+        if calibration.ground_regions:
+            found[rows[seen], :, -1] = calibration.moved_by_ground_height(
+                uv[seen], xy_m[rows[seen]]
+            )
         return found
 
     return factor

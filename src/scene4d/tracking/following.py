@@ -17,6 +17,7 @@ from scene4d.store.log import Look
 from scene4d.tracking._association import GroundTracker
 from scene4d.tracking._belief import Belief
 from scene4d.tracking._fixed_lag import FixedLagSmoother
+from scene4d.tracking._levels import located_on_levels
 from scene4d.tracking._sightings import Sightings
 from scene4d.tracking._smoothing import Smoothed, SmoothingSettings, smooth
 from scene4d.tracking._vehicles import locate_vehicles
@@ -63,7 +64,6 @@ class _Follower:
     ) -> None:
         assert calibration.camera is not None
         self._calibration = calibration
-        self._camera: Camera = calibration.camera
         self._person_height_m = person_height_m
         self._belief = belief
         self._timings = timings
@@ -96,7 +96,7 @@ class _Follower:
         d = look.detections
         with timed(self._timings, "place"):
             hidden = bottoms_hidden(d)
-            located = place(d, self._camera, self._person_height_m, hidden)
+            located = place(d, self._calibration, self._person_height_m, hidden)
         with timed(self._timings, "associate"):
             track = self._associate(look, located)
         with timed(self._timings, "place"):
@@ -133,13 +133,19 @@ class _Follower:
         known = np.isfinite(heading)
         if not known.any():
             return located
-        again = locate_vehicles(
-            d.select(known),
-            self._camera,
-            heading_rad=heading[known],
-            heading_sigma_rad=sigma[known],
-            bottom_hidden=hidden[known],
-        )
+        heading, sigma, unseen = heading[known], sigma[known], hidden[known]
+        vehicles = d.select(known)
+
+        def on_one_ground(rows: Bool[np.ndarray, "n"], camera: Camera) -> Located:
+            return locate_vehicles(
+                vehicles.select(rows),
+                camera,
+                heading_rad=heading[rows],
+                heading_sigma_rad=sigma[rows],
+                bottom_hidden=unseen[rows],
+            )
+
+        again = located_on_levels(vehicles, self._calibration, on_one_ground)
         better = known.copy()
         better[known] = again.known
         return located.put(better, again.select(again.known))

@@ -9,6 +9,7 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.people import Detections
 from scene4d.core.tracks import CLASSES, VEHICLES, Located
+from scene4d.tracking._levels import located_on_levels
 from scene4d.tracking._people import locate_people
 from scene4d.tracking._vehicles import locate_vehicles
 
@@ -26,14 +27,27 @@ def known_classes(detections: Detections) -> tuple[Detections, int]:
 
 def place(
     detections: Detections,
+    calibration: Calibration,
+    person_height_m: float,
+    bottom_hidden: Bool[np.ndarray, "n"],
+) -> Located:
+    """Ground positions of people and vehicles, each on the ground where its feet are seen.
+
+    ``bottom_hidden`` is from :func:`bottoms_hidden`, computed on frames with all detections.
+    """
+
+    def on_one_ground(rows: Bool[np.ndarray, "n"], camera: Camera) -> Located:
+        return _place(detections.select(rows), camera, person_height_m, bottom_hidden[rows])
+
+    return located_on_levels(detections, calibration, on_one_ground)
+
+
+def _place(
+    detections: Detections,
     camera: Camera,
     person_height_m: float,
     bottom_hidden: Bool[np.ndarray, "n"],
 ) -> Located:
-    """Ground positions of people and vehicles.
-
-    ``bottom_hidden`` is from :func:`bottoms_hidden`, computed on frames with all detections.
-    """
     found = Located.nowhere(len(detections))
     people = detections.class_name == "person"
     if people.any():
@@ -70,12 +84,11 @@ def shared_covariance(
     """Covariance of ground positions (n, 2) due to calibration error; NaN without a position."""
     found = np.full((len(xy_m), 2, 2), np.nan)
     rows = np.isfinite(xy_m).all(axis=1)
-    camera = calibration.camera
-    assert camera is not None
-    if not calibration.parameter_covariance.any():
+    known = calibration.covariance is not None and bool(calibration.ground_regions)
+    if not calibration.parameter_covariance.any() and not known:
         found[rows] = 0.0
         return found
-    uv, seen = camera.project(np.column_stack([xy_m[rows], np.zeros(int(rows.sum()))]))
+    uv, seen = calibration.ground_pixels(xy_m[rows])
     rows[rows] = seen
     found[rows] = calibration.ground_covariance(uv[seen], from_camera=True)[0]
     return found

@@ -7,6 +7,7 @@ from scene4d.core.camera import Camera
 from scene4d.drawing.birdseye import MAX_DOTS as ABOVE_DOTS
 from scene4d.drawing.histogram import inlier_heights
 from scene4d.drawing.overlay import MAX_DOTS, horizon_shown, people_of
+from scene4d.drawing.regions import height_text
 
 
 def caption(name: str, calibration: Calibration, network: Camera | None = None) -> str:
@@ -28,7 +29,10 @@ def caption(name: str, calibration: Calibration, network: Camera | None = None) 
         "overlay": (
             f"What to check: {_horizon(calibration)}the uprights stand on the ground and are as "
             f"tall as a person of {height} m next to them; the short white ticks are parallel to "
-            "building corners and poles." + dashed + _sample(calibration, MAX_DOTS)
+            "building corners and poles."
+            + dashed
+            + _regions(calibration)
+            + _sample(calibration, MAX_DOTS)
         ),
         "birdseye": (
             "The frame projected onto the ground. Straight kerbs and markings should look "
@@ -79,6 +83,16 @@ def _heights(calibration: Calibration) -> str:
         f"{q10:.2f} and {q90:.2f} m; {calibration.person_height_m:.2f} m was assumed. Expect one "
         "peak at the assumed mean, with spikes for people who stayed long; a second peak far below "
         "it means children or seated people."
+    )
+
+
+def _regions(calibration: Calibration) -> str:
+    if not calibration.ground_regions:
+        return ""
+    height = height_text(calibration.ground_regions[0])
+    return (
+        f" The dashed outline is ground of another level ({height}), as people stand there; the "
+        "uprights and the grid are on that of the camera."
     )
 
 

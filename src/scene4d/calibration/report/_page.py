@@ -71,6 +71,7 @@ def _render(run: "Run", pictures: "Mapping[str, Drawn]", network: Camera | None)
         "errors": ground_error_texts(calibration) if calibration else [],
         "parameters": parameter_rows(calibration),
         "warnings": calibration.warnings,
+        "levels": bool(calibration.ground_regions),
         "figures": figures,
         "has_sigma": calibration.covariance is not None,
         "provenance": _provenance(calibration, run.source_name),
