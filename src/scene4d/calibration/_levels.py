@@ -58,9 +58,9 @@ _AGREE = 0.6
 and through a lens that is not modelled nobody fits. Chosen by hand: up to a fifth of the sightings
 in crowds are outliers anyway."""
 _SIZE_SIGMA, _ASIDE_SIGMA = 0.04, 0.02
-"""Errors of length that grow with size (per e-fold) and across the picture (per half diagonal), as
-benchmarks/keypoint_bias.py finds them on real footage, and as much in second order: a step has an
-edge, an error of lens or detector has none. PETS 2009, which is flat, needs the second order."""
+"""Errors of length of second order, per e-fold of size and per half diagonal across the picture:
+half of what :mod:`._drift` allows in first order. A step has an edge, an error of lens or detector
+has none. Chosen by hand: PETS 2009, which is flat, needs them."""
 _PROMISING = 0.5
 """Share of its price that a region's score must reach to be tried: a linear test at a camera that
 is bent by the level falls short of the gain (chosen by hand on synthetic crowds)."""
@@ -133,8 +133,8 @@ def _regions(
 
 
 def _fields(problem: Problem, state: State, systematics: bool) -> list[Field]:
-    """Smooth errors of length, over the size that people of mean height would have (the size seen
-    holds what is tested) and over the picture.
+    """Smooth errors of length beyond the drift that the problem has, over the size that people of
+    mean height would have (the size seen holds what is tested) and over the picture.
     """
     if not systematics:
         return []
@@ -144,8 +144,6 @@ def _fields(problem: Problem, state: State, systematics: bool) -> list[Field]:
     size = size - np.median(size)
     aside = problem.points.foot[0]
     return [
-        Field(size, _SIZE_SIGMA),
-        Field(aside, _ASIDE_SIGMA),
         Field(size**2, _SIZE_SIGMA),
         Field(size * aside, _SIZE_SIGMA),
         Field(aside**2, _ASIDE_SIGMA),
