@@ -42,6 +42,7 @@ from scene4d.calibration._refine import (
     spreads,
     updated_noise,
 )
+from scene4d.core.body import HEIGHT_SIGMA_M, PERSON_HEIGHT_M
 
 _LEAST_PLACES = 4.0
 """A region holds sightings in at least so many places, or a share of :data:`_LEAST_SHARE`."""
@@ -51,6 +52,9 @@ _LEAST_PEOPLE = 2
 _PEOPLE_WITHOUT_CROSSING = 6
 """So many different people on a raised level are believed without anybody walking up to it. Their
 mean height is known to 0.04 m (0.09 m / √6): a level shows them taller by more than that."""
+_SHORTEST = 3.0
+"""Adults are at most so many standard deviations shorter than the mean: a few who are seen shorter
+still are children, or walk with their legs hidden, and as many are asked for as above."""
 _SEEN_ON_BOTH = 6.6
 """z² / σ_z² from people who are seen on both levels, each by itself: the 99th percentile of χ²."""
 _AGREE = 0.6
@@ -240,7 +244,7 @@ def _level(
         return None
     crossed = _crossed(trial, systematics)
     enough = people[0] >= _PEOPLE_WITHOUT_CROSSING
-    if not (crossed or enough):
+    if not enough and (not crossed or _like_children(height_m, state)):
         return None
     points = replace(on_level.points, ground_sigma_m=trial.sigma_m)
     return Level(
@@ -253,6 +257,12 @@ def _level(
         people[0],
         crossed or height_m > 0,
     )
+
+
+def _like_children(height_m: float, state: State) -> bool:
+    """Whether adults on such a level are seen as short as hardly any adult is."""
+    camera_m = float(np.exp(state.parameters[HEIGHT]))
+    return camera_m / (camera_m - height_m) < 1 - _SHORTEST * HEIGHT_SIGMA_M / PERSON_HEIGHT_M
 
 
 def _crossed(trial: _Trial, systematics: bool) -> bool:
