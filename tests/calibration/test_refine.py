@@ -121,6 +121,9 @@ def test_elimination_gives_the_step_of_the_dense_system(seed):
     stiff = lin.height_weight / state.noise.height_m**2
     dense[p:, p:] += np.diag(stiff)
     right[p:] += stiff * state.delta_m
+    right[:p] += lin.pull[0]
+    for i, person in owner.items():
+        right[p + person] += lin.pull[1][i]
     expected = np.linalg.solve(dense, right)
     found = np.linalg.solve(hessian, system.gradient[free])
     np.testing.assert_allclose(found, expected[:p], rtol=1e-6, atol=1e-9)

@@ -25,9 +25,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from scene4d.calibration._body import N_PARAMETERS, Points, predict_heads
-from scene4d.calibration._drift import N_DRIFTS, Drift
+from scene4d.calibration._body import N_PARAMETERS, Points, Prediction, predict_heads
+from scene4d.calibration._drift import N_DRIFTS, Drift, Drifted
 from scene4d.calibration._lines import Lines, LineTerms, line_terms
+from scene4d.calibration._lower_edge import LowerEdge, lowered
 from scene4d.calibration._prior import Prior
 from scene4d.core.body import HEIGHT_SIGMA_M
 
@@ -183,7 +184,8 @@ class Linearisation:
 
     ``inlier`` (n,) is the probability that a person is as modelled, ``weight`` (2, n) what the
     two residuals count, ``force`` (2, n) half the gradient of the loss by the residuals,
-    ``height_weight`` (t,) what a track's height counts, ``loss`` (n,) a person's -2 log p.
+    ``height_weight`` (t,) what a track's height counts, ``loss`` (n,) a person's -2 log p,
+    ``pull`` (p,) and (n,) what the lower edges of boxes add to the gradient.
     """
 
     residual: Float[np.ndarray, "2 n"]
@@ -197,6 +199,7 @@ class Linearisation:
     lines: LineTerms | None
     others: tuple[TermValue, ...]
     loss: Float[np.ndarray, "n"]
+    pull: tuple[Float[np.ndarray, "p"], Float[np.ndarray, "n"]] | None
 
 
 def linearise(problem: Problem, state: State) -> Linearisation:
@@ -219,14 +222,18 @@ def linearise(problem: Problem, state: State) -> Linearisation:
     cross = seen[0] * expected[1] - seen[1] * expected[0]
     residual = np.empty_like(seen)
     log_length = 0.5 * np.log(expected2)
+    drifted, edge, spread = None, None, along
+    if problem.drift is not None:
+        lean = np.arctan2(expected[0], -expected[1])
+        drifted = problem.drift.at(state.drift, log_length, lean, points)
+        if points.has_boxes:
+            edge = _lower_edge(problem, state, predicted, drifted, spread)
+            along = spread * edge.narrowing
     residual[0] = (log_length - 0.5 * np.log(points.seen2)) / along
     residual[1] = np.arctan2(cross, dot) / across
     stretch = expected / (expected2 * along)
     turn = np.stack([-expected[1], expected[0]]) / (expected2 * across)
-    drifted = None
-    if problem.drift is not None:
-        lean = np.arctan2(expected[0], -expected[1])
-        drifted = problem.drift.at(state.drift, log_length, lean, points)
+    if drifted is not None:
         residual += drifted.added / np.stack([along, across])
         stretch, turn = stretch * drifted.gain[0], turn * drifted.gain[1]
 
@@ -237,7 +244,7 @@ def linearise(problem: Problem, state: State) -> Linearisation:
         out[..., 1, :] = v[..., 0, :] * turn[0] + v[..., 1, :] * turn[1]
         return out
 
-    inlier, upright, push, loss = _mixture(residual, predicted.valid, along, across, noise)
+    inlier, upright, push, loss = _mixture(residual, predicted.valid, spread, across, noise)
     cost = float(problem.weight @ loss)
     by_parameter = in_sigmas(by_parameter)
     if drifted is not None:
@@ -273,7 +280,17 @@ def linearise(problem: Problem, state: State) -> Linearisation:
         terms,
         others,
         loss,
+        None if edge is None else edge.pull(force[0] * residual[0]),
     )
+
+
+def _lower_edge(
+    problem: Problem, state: State, here: Prediction, drifted: Drifted, along: np.ndarray
+) -> LowerEdge:
+    points, heights_m = problem.points, problem.heights_m(state.delta_m)
+    below = predict_heads(state.parameters, lowered(points), heights_m, problem.columns)
+    share = (state.noise.box_along / along) ** 2
+    return LowerEdge.of(here, below, points, drifted, float(state.drift[2]), share)
 
 
 def spreads(problem: Problem, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
@@ -325,6 +342,8 @@ def normal_equations(problem: Problem, state: State, lin: Linearisation) -> Norm
     hessian, gradient = np.zeros((_N, _N)), np.zeros(_N)
     hessian[np.ix_(columns, columns)] = weighted.reshape(len(columns), -1) @ flat.T
     gradient[columns] = flat @ lin.force.ravel()
+    if lin.pull is not None:
+        gradient[columns] += lin.pull[0]
     camera = slice(0, N_PARAMETERS)
     hessian[camera, camera] += problem.prior.precision
     gradient[camera] += problem.prior.precision @ (state.parameters - problem.prior.mean)
@@ -353,6 +372,8 @@ def normal_equations(problem: Problem, state: State, lin: Linearisation) -> Norm
 
         information += per_person(lin.weight[:, rows] * by_height**2)
         height_gradient += per_person(by_height * lin.force[:, rows])
+        if lin.pull is not None:
+            height_gradient += per_person(lin.pull[1][None, rows])
         for row, column in enumerate(columns):
             coupling[column] = per_person(weighted[row][:, rows] * by_height)
     scaled = coupling / information
