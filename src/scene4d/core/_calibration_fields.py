@@ -37,3 +37,13 @@ def uncertainty(
         raise inside.error("matrix", "a covariance: symmetric, with no negative variance")
     motion = inside.array("scene_motion", 3, n) if "scene_motion" in inside else None
     return matrix, motion
+
+
+def over_all_parameters(values: np.ndarray, first: int, count: int) -> np.ndarray:
+    """A covariance, or derivatives in columns, of the first five parameters as those of all."""
+    values = np.asarray(values, float)
+    missing = count - values.shape[1]
+    if missing != count - first:
+        return values
+    rows = missing if values.shape[0] == values.shape[1] else 0
+    return np.pad(values, ((0, rows), (0, missing)))

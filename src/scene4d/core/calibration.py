@@ -7,7 +7,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from scene4d.core._calibration_fields import percentiles, texts, uncertainty
+from scene4d.core._calibration_fields import (
+    over_all_parameters,
+    percentiles,
+    texts,
+    uncertainty,
+)
 from scene4d.core._ground_error import common_motion, propagated, rigid_motions
 from scene4d.core._ground_error import sigma_m as _sigma_m
 from scene4d.core.body import PERSON_HEIGHT_M
@@ -62,7 +67,7 @@ class Calibration:
     (shift along X and Y in metres, rotation in radians) per unit of each parameter, which gives the
     error within the scene. ``ground_regions`` are parts of the picture whose ground lies above or
     below that of the camera (:meth:`ground_height_m`). ``landmarks`` says how what was measured
-    agrees with the camera; it is not in files. ``made`` is the origin of the file (source, date,
+    agrees with the camera (not in files). ``made`` is the origin of the file (source, date,
     version, command).
     """
 
@@ -93,7 +98,7 @@ class Calibration:
         for name in ("covariance", "scene_motion"):
             value = getattr(self, name)
             if value is not None:
-                object.__setattr__(self, name, _over_all_parameters(value))
+                object.__setattr__(self, name, over_all_parameters(value, _FIRST, len(PARAMETERS)))
         if self.segments is not None:
             object.__setattr__(self, "people", len(self.segments))
             inliers = 0 if self.inlier is None else int(self.inlier.sum())
@@ -213,8 +218,7 @@ class Calibration:
         """By how much (m) the ground points ``xy_m`` at pixels ``uv`` move if the ground of their
         region is one standard deviation higher: towards the camera, and not at all outside.
         """
-        height_m, sigma_m = self.ground_height_m(uv)
-        centre = self._camera().centre_m
+        (height_m, sigma_m), centre = self.ground_height_m(uv), self._camera().centre_m
         return (centre[:2] - xy_m) * (sigma_m / (centre[2] - height_m))[:, None]
 
     def walked_ground_sigma_m(
@@ -394,13 +398,3 @@ class Calibration:
         if self.segments is not None or self.scene_motion is not None:
             fields["scene_motion"] = self._motion().tolist()
         return fields
-
-
-def _over_all_parameters(values: np.ndarray) -> np.ndarray:
-    """A covariance, or derivatives in columns, of the first five parameters as those of all."""
-    values = np.asarray(values, float)
-    missing = len(PARAMETERS) - values.shape[1]
-    if missing != len(PARAMETERS) - _FIRST:
-        return values
-    rows = missing if values.shape[0] == values.shape[1] else 0
-    return np.pad(values, ((0, rows), (0, missing)))
