@@ -19,8 +19,6 @@ _STRONG_CORNER = -0.05
 """Displacement D of the image's corner beyond which the lens may be another one: barrel by more
 than one standard deviation of the prior. Two of the four lenses of :data:`._prior.CENTRE_SIGMA`'s
 cameras are below."""
-_FEW_AGREE = 0.7
-"""Share of people as modelled below which the lens may be why the others are not."""
 _CLEARLY = 10.0
 """Least difference of ``-2 log p`` for the fisheye lens: odds of 150 to 1, "very strong" evidence
 (Kass and Raftery 1995), since errors are less independent than the model has them."""
@@ -60,10 +58,7 @@ def _worth_trying(problem: Problem, state: State) -> bool:
     """
     if problem.prior.sigma[CORNER] == 0 or problem.prior.sigma[FOCAL] == 0 or problem.terms:
         return False
-    if state.parameters[CORNER] < _STRONG_CORNER:
-        return True
-    agree = linearise(problem, state).inlier
-    return bool(problem.weight @ agree < _FEW_AGREE * problem.weight.sum())
+    return bool(state.parameters[CORNER] < _STRONG_CORNER)
 
 
 def unexplained(problem: Problem, state: State) -> float:

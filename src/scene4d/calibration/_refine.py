@@ -102,7 +102,9 @@ class Term(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Everything that stays fixed while the camera is refined."""
+    """Everything that stays fixed while the camera is refined; ``blur`` is by how much the noise of
+    each sighting exceeds :class:`Noise`.
+    """
 
     points: Points
     track: Int[np.ndarray, "n"]
@@ -111,6 +113,7 @@ class Problem:
     prior: Prior
     lines: Lines | None = None
     terms: tuple[Term, ...] = ()
+    blur: Float[np.ndarray, "n"] | None = None
     drift: Drift | None = None
 
     @cached_property
@@ -161,7 +164,9 @@ class Problem:
     def select(self, rows: np.ndarray) -> "Problem":
         """The problem on some of its people."""
         _, track = np.unique(self.track[rows], return_inverse=True)
-        return replace(self, points=self.points.select(rows), track=track, weight=self.weight[rows])
+        blur = None if self.blur is None else self.blur[rows]
+        points, weight = self.points.select(rows), self.weight[rows]
+        return replace(self, points=points, track=track, weight=weight, blur=blur)
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,9 +302,12 @@ def spreads(problem: Problem, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
     """Standard deviations of log length and direction of every person (n,)."""
     box = problem.points.from_box
     along = np.where(box, noise.box_along, noise.along)
+    across = np.full(len(box), noise.across)
+    if problem.blur is not None:
+        along, across = along * problem.blur, across * problem.blur
     height = noise.height_m / problem.person_height_m
     along = np.where(problem.lone, np.hypot(along, height), along)
-    return along, np.full(len(box), noise.across)
+    return along, across
 
 
 def _mixture(

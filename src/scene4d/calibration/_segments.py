@@ -9,6 +9,14 @@ from scene4d.core.people import Detections, Segments
 MIN_LENGTH_PX = 15.0
 """Shorter people carry more noise than news."""
 
+_LEAST_FOR_NADIR, _MOST_FOR_NADIR = 10, 500
+"""Fewer people do not show whether the picture contains the point below the camera; more are not
+needed to see it."""
+_LEAST_ORDINARY = 0.4
+"""Share of heads above the feet in the picture below which the camera rather hangs upside down."""
+_AWAY_RAD = 0.4
+"""How far from straight away a body may lie: leaning, and half a step of the grid of nadirs."""
+
 _TRUNK = ("left_shoulder", "right_shoulder", "left_hip", "right_hip")
 _NEEDED = (HEAD_TOP, *LEFT_FOOT, *RIGHT_FOOT, *_TRUNK)
 
@@ -43,7 +51,8 @@ def _segments(
     from_box: bool,
 ) -> Segments:
     length = np.hypot(*(foot_uv - head_uv).T)
-    keep = keep & (length > MIN_LENGTH_PX) & (foot_uv[:, 1] > head_uv[:, 1])
+    keep = keep & (length > MIN_LENGTH_PX)
+    keep[keep] = _upwards(foot_uv[keep], head_uv[keep], people.image_size)
     return Segments(
         foot_uv=foot_uv,
         head_uv=head_uv,
@@ -54,6 +63,40 @@ def _segments(
         box_xyxy=people.box_xyxy,
         from_box=np.full(len(people), from_box),
     ).select(keep)
+
+
+def _upwards(
+    foot_uv: Float[np.ndarray, "n 2"],
+    head_uv: Float[np.ndarray, "n 2"],
+    image_size: tuple[int, int],
+) -> Bool[np.ndarray, "n"]:
+    """Which heads are above their feet: away from the nadir where the picture shows it, as it does
+    of a steep camera, and nearer to the picture's upper edge elsewhere.
+    """
+    ordinary: np.ndarray = foot_uv[:, 1] > head_uv[:, 1]
+    if ordinary.all() or len(ordinary) < _LEAST_FOR_NADIR or ordinary.mean() < _LEAST_ORDINARY:
+        return ordinary
+    size = np.array(image_size, float)
+    u, v = np.meshgrid(np.linspace(-0.25, 1.25, 16), np.linspace(0.0, 1.0, 11))
+    inside = np.column_stack([u.ravel(), v.ravel()]) * size
+    u, v = np.meshgrid(np.linspace(-2, 3, 21), [1.2, 1.5, 2.0, 3.0, 5.0, 9.0, 30.0])
+    below = np.column_stack([u.ravel(), v.ravel()]) * size
+    some = slice(None, None, -(-len(ordinary) // _MOST_FOR_NADIR))
+    agree = [_agreement(nadirs, foot_uv[some], head_uv[some]) for nadirs in (inside, below)]
+    if agree[0].max() <= agree[1].max():
+        return ordinary
+    nadir = inside[np.argmax(agree[0])]
+    return np.asarray(((head_uv - foot_uv) * (foot_uv - nadir)).sum(axis=1) > 0)
+
+
+def _agreement(nadirs: np.ndarray, foot_uv: np.ndarray, head_uv: np.ndarray) -> np.ndarray:
+    """How many heads lie straight away from each nadir (m,), with a soft edge."""
+    body, away = head_uv - foot_uv, foot_uv - nadirs[:, None]
+    turn = np.arctan2(
+        body[:, 0] * away[..., 1] - body[:, 1] * away[..., 0], (body * away).sum(axis=-1)
+    )
+    score: np.ndarray = np.maximum(0.0, 1 - (turn / _AWAY_RAD) ** 2).sum(axis=1)
+    return score
 
 
 def _from_keypoints(people: Detections) -> Segments:
@@ -70,10 +113,9 @@ def _from_keypoints(people: Detections) -> Segments:
 
 
 def _inside(people: Detections, uv: np.ndarray) -> np.ndarray:
-    width, height = people.image_size
-    x, y = uv[:, 0], uv[:, 1]
-    inside: np.ndarray = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
-    return inside
+    """Which ends are seen: whoever is cut by the border seems to end there."""
+    last = np.array(people.image_size) - 1 - BORDER_PX
+    return np.asarray(((uv >= BORDER_PX) & (uv <= last)).all(axis=1))
 
 
 def _from_boxes(people: Detections) -> Segments:
