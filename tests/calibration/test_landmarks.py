@@ -7,14 +7,18 @@ import numpy as np
 import pytest
 
 from calibration.scenes import draw_scene, errors_of, parameters_of, sigmas_of, solve_points
+from scene4d.calibration import solve_segments
 from scene4d.calibration._case import ImageFrame
 from scene4d.calibration._landmarks import LandmarkTerm
+from scene4d.calibration.calibrating import Run
 from scene4d.calibration.options import POINTS, CalibrateOptions
+from scene4d.calibration.report._page import report_files
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.landmarks import Distance, GroundPoint, Landmarks, Upright
 from scene4d.core.people import Segments
+from scene4d.formats.cameras import read_camera
 from strategies import build_camera, build_lens
 
 FAR = 8.0
@@ -216,6 +220,46 @@ def test_one_or_two_landmarks_alone_are_refused_with_what_helps(measured):
     found = solve_points(nobody(), (1920, 1080), landmarks=Landmarks(measured.points(2)))
     assert not found
     assert "four or more ground points" in str(found.reason).rpartition("; ")[2]
+
+
+def test_the_report_lists_and_draws_them(measured):
+    wrong, *others = measured.points(7)
+    wrong = replace(wrong, xy_m=(wrong.xy_m[0] + 4.0, wrong.xy_m[1]), name="<drain>")
+    known = Landmarks((wrong, *others), measured.uprights(1), measured.distances(1))
+    found = solve_points(nobody(), (1920, 1080), landmarks=known)
+    files = report_files(Run(found, "yard"))
+    page = files["report.html"].decode()
+    assert "&lt;drain&gt;" in page and "left out" in page and "upright 1" in page
+    assert "the camera stands at" in page and "distance 1" in page
+    assert len(files["figures/overlay.png"]) > 10_000
+
+
+@pytest.mark.shared_data
+def test_a_real_lens_from_points_alone(shared_data):
+    """Eight points of PETS 2009 by its published camera, whose lens is no model of ours."""
+    truth = read_camera(shared_data / "pets2009" / "View_001.xml")
+    rng = np.random.default_rng(0)
+    uv = rng.uniform([60, 260], [700, 560], (8, 2))
+    xy_m, valid = truth.locate(uv)
+    assert valid.all()
+    clicks = uv + rng.normal(0, 2.0, uv.shape)
+    own = xy_m + rng.normal(0, 0.05, uv.shape)
+    known = Landmarks(
+        tuple(
+            GroundPoint((float(u), float(v)), (float(x), float(y)))
+            for (u, v), (x, y) in zip(clicks, own, strict=True)
+        )
+    )
+    options = CalibrateOptions(orientation="people", landmarks=known)
+    found = solve_segments(nobody(), truth.image_size, options)
+    assert found and found.camera is not None
+    grid = np.stack(np.meshgrid([150, 380, 600], [300, 400, 500]), axis=-1).reshape(-1, 2)
+    here, there = (camera.locate(grid.astype(float))[0] for camera in (truth, found.camera))
+    a, b = (p[:, 0] + 1j * p[:, 1] for p in (here, there))
+    a, b = a - a.mean(), b - b.mean()
+    turn = np.vdot(b, a)
+    assert np.abs(b * turn / abs(turn) - a).mean() < 0.3
+    assert abs(found.camera.height_m - truth.height_m) < 3 * found.sigma["height_m"]
 
 
 def test_the_papers_method_takes_none():

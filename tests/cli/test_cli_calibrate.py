@@ -97,6 +97,27 @@ def test_the_person_height_is_the_scale(run, known, tmp_path, plain_report):
     assert heights[1] / heights[0] == pytest.approx(1.1, rel=0.01)
 
 
+def test_landmarks_set_the_scale(run, known, camera, tmp_path, plain_report):
+    """Boxes of people with a wrong mean height, and five points of the true camera."""
+    uv = [[200, 300], [900, 320], [640, 600], [300, 650], [1100, 680]]
+    xy_m, valid = camera.locate(uv)
+    assert valid.all()
+    measured = tmp_path / "measured.json"
+    points = [{"uv": a, "xy_m": b} for a, b in zip(uv, xy_m.tolist(), strict=True)]
+    measured.write_text(json.dumps({"points": points}))
+    arguments = [*known, "--person-height", "1.80", "--landmarks", measured, "--json"]
+    done = run(*arguments, "--out", tmp_path / "o")
+    assert done.exit_code == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["height_m"] == pytest.approx(camera.height_m, rel=0.01)
+    assert found["sigma"]["height_m"] < 0.02 * camera.height_m
+    refused = run(*arguments, "--out", tmp_path / "p", "--method", "paper")
+    assert refused.exit_code == 2 and "--landmarks" in refused.stderr
+    measured.write_text('{"points": [{"uv": [1, 2]}]}')
+    done = run(*arguments, "--out", tmp_path / "q")
+    assert done.exit_code == 1 and "points[0].xy_m" in done.stderr + done.stdout
+
+
 def test_the_papers_method(run, known, scene, camera, tmp_path, plain_report):
     known_exactly = tmp_path / "orientation.json"
     tilt, roll = np.degrees([camera.tilt_rad, camera.roll_rad])

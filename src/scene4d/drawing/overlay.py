@@ -11,6 +11,7 @@ from matplotlib.lines import Line2D
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.geometry import horizon_line
+from scene4d.core.landmarks import LandmarkFit
 from scene4d.core.people import Segments
 from scene4d.drawing import style
 from scene4d.drawing.ground import Area, footprints, grid_step, thinned, walked_area
@@ -55,7 +56,45 @@ def draw_overlay(
         handles = _geometry(axes, calibration, camera)
     if network is not None:
         handles += _second_horizon(axes, network)
+    if calibration.landmarks is not None:
+        handles += _landmarks(axes, calibration.landmarks)
     return style.drawn(fig, handles, strip)
+
+
+def _landmarks(axes: Axes, fit: LandmarkFit) -> list[Any]:
+    """Rings where landmarks were seen, with lines to where the camera expects them."""
+    known, names = fit.landmarks, fit.landmarks.names()
+    seen = [point.uv for point in known.points] + [upright.head_uv for upright in known.uprights]
+    effects = style.halo(2.2)
+    for row, uv in enumerate(seen):
+        colour = style.UPRIGHT if fit.used[row] else style.OUTLIER
+        ends = np.array([uv, fit.expected_uv[row]])
+        look: dict[str, Any] = {"color": colour, "path_effects": effects, "zorder": 7}
+        axes.plot(*ends.T, lw=1.4, **look)
+        axes.plot(*uv, marker="o", ms=8, mfc="none", mew=1.6, **look)
+        _name(axes, names[row], uv)
+    for row, distance in enumerate(known.distances, start=len(seen)):
+        ends = np.array(distance.uv)
+        colour = style.UPRIGHT if fit.used[row] else style.OUTLIER
+        axes.plot(*ends.T, lw=1.4, marker="|", color=colour, path_effects=effects, zorder=7)
+        _name(axes, names[row], ends.mean(axis=0))
+    label = "landmark, line to where it is expected"
+    look = {"color": style.UPRIGHT, "marker": "o", "ms": 7, "mfc": "none", "lw": 1.4}
+    return [Line2D([], [], label=label, **look)]
+
+
+def _name(axes: Axes, name: str, uv: Any) -> None:
+    axes.annotate(
+        name,
+        (float(uv[0]), float(uv[1])),
+        xytext=(7, 5),
+        textcoords="offset points",
+        fontsize=style.SMALL,
+        color="white",
+        path_effects=style.halo(1.8),
+        annotation_clip=True,
+        zorder=8,
+    )
 
 
 def _room_above(camera: Camera | None) -> float:

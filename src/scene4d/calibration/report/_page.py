@@ -3,8 +3,11 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
+from scene4d.core.landmarks import LandmarkFit
 from scene4d.drawing.page import Shown, data_uri, rendered, seconds_text
 from scene4d.drawing.words import ground_error_texts, number, parameter_rows, verdict
 
@@ -72,6 +75,8 @@ def _render(run: "Run", pictures: "Mapping[str, Drawn]", network: Camera | None)
         "parameters": parameter_rows(calibration),
         "warnings": calibration.warnings,
         "levels": bool(calibration.ground_regions),
+        "landmarks": _landmarks(calibration.landmarks) if calibration.landmarks else [],
+        "stands": _stands(calibration.landmarks) if calibration.landmarks else "",
         "figures": figures,
         "has_sigma": calibration.covariance is not None,
         "provenance": _provenance(calibration, run.source_name),
@@ -80,6 +85,29 @@ def _render(run: "Run", pictures: "Mapping[str, Drawn]", network: Camera | None)
         "title": run.source_name,
     }
     return rendered("scene4d.calibration.report", "report.html.j2", values)
+
+
+def _landmarks(fit: LandmarkFit) -> list[tuple[str, str, str, str]]:
+    """Name, sigmas off, metres off and use of every landmark."""
+    uses = ("left out", "used")
+    return [
+        (name, number(float(sigmas), 1), f"{number(float(off_m), 2)} m", uses[int(used)])
+        for name, sigmas, off_m, used in zip(
+            fit.landmarks.names(), fit.off_sigmas, fit.off_m, fit.used, strict=True
+        )
+    ]
+
+
+def _stands(fit: LandmarkFit) -> str:
+    """Where the camera stands in the frame of the ground points."""
+    if fit.camera_xy_m is None or fit.heading_rad is None:
+        return ""
+    x, y = (number(value, 2) for value in fit.camera_xy_m)
+    heading = number(float(np.degrees(fit.heading_rad)) % 360, 1)
+    return (
+        f"In the frame of the ground points the camera stands at ({x}, {y}) m and looks towards "
+        f"{heading}°, counted from x towards y."
+    )
 
 
 def _provenance(calibration: Calibration, source_name: str) -> list[tuple[str, str]]:
