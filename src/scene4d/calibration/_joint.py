@@ -24,7 +24,16 @@ from scene4d.calibration._body import (
 from scene4d.calibration._equidistant import ray_gain
 from scene4d.calibration._lines import best_azimuths
 from scene4d.calibration._prior import Prior
-from scene4d.calibration._refine import Noise, Problem, State, descend, minimise, updated_noise
+from scene4d.calibration._refine import (
+    Noise,
+    Problem,
+    State,
+    descend,
+    linearise,
+    minimise,
+    normal_equations,
+    updated_noise,
+)
 
 # The numbers of the search trade time for sureness. They were chosen by hand on the tuning cameras
 # and the synthetic crowds of tests/calibration; nobody has measured that they are the best.
@@ -44,6 +53,16 @@ _STARTS, _STARTS_FOR_FEW = 2, 6
 _SEARCH_WIDTH, _SEARCH_WIDTH_FOR_FEW = 2.0, 1.0
 """How many starts are tried, with how many times the usual noise. Many people lead from afar; among
 few, outliers make valleys of their own, which only more and narrower starts tell apart."""
+_MODES = 3
+"""So many starts of few people are followed to their minima."""
+_VAGUE_FOCAL = 0.1
+"""Relative spread of the focal length by people above which edges are tried from several cameras
+along it, at so many standard deviations:"""
+_VALLEY_SIGMAS = (-2.0, -1.0, 1.0, 2.0)
+_MODE_COST = 4.0
+"""A second minimum that costs less than this more (odds of 7 to 1) may be the true one. Chosen."""
+_MODES_APART = np.array([0.1, np.radians(2.0), np.radians(2.0)])
+"""Of log f, tilt and roll: minima that differ by less are one."""
 _NOISE_ROUNDS = 4
 """Rounds of expectation-maximisation for the noise, camera and noise in turns."""
 TRACK_CORRELATION = 0.12
@@ -211,7 +230,10 @@ def solve(
     state = minimise(people_only, min(candidates)[2], steps=6, tolerance=0.1)
     state = replace(state, noise=Noise())
     if problem.lines is not None:
-        state = _with_azimuth(small, state)
+        state = _with_azimuth(small, [state, *_valley(people_only, state)])
+    elif few:
+        others = [other for _, _, other in sorted(candidates)[1:_MODES]]
+        state = _best(small, [state, *(replace(other, noise=Noise()) for other in others)], 8)
     middle = _thinned(problem, _NOISE_PEOPLE, seed)
     if middle is not small:
         state = _with_noise(small, state, _NOISE_ROUNDS - 1)
@@ -230,14 +252,49 @@ def _with_noise(problem: Problem, state: State, rounds: int) -> State:
     return state
 
 
-def _with_azimuth(problem: Problem, state: State) -> State:
-    """Refine with the lines from the best few azimuths; the lowest cost wins."""
+def _with_azimuth(problem: Problem, states: list[State]) -> State:
+    """Refine with the lines from several cameras, each with the best few azimuths."""
     assert problem.lines is not None
-    candidates: list[tuple[float, int, State]] = []
-    for azimuth in best_azimuths(state.parameters, problem.lines):
-        trial, lin = descend(problem, replace(state, azimuth=azimuth), steps=15, tolerance=1e-2)
-        candidates.append((lin.cost, len(candidates), trial))
-    return min(candidates)[2] if candidates else state
+    trials = [
+        replace(state, azimuth=azimuth)
+        for state in states
+        for azimuth in best_azimuths(state.parameters, problem.lines)
+    ]
+    return _best(problem, trials or states[:1], steps=15)
+
+
+def _valley(problem: Problem, state: State) -> list[State]:
+    """Cameras that people can hardly tell from ``state``, along the direction that they tell least;
+    none where they tell the focal length well. Edges may hold one of them (a valley of cost between
+    focal length and tilt has several low points).
+    """
+    columns = list(problem.columns)
+    system = normal_equations(problem, state, linearise(problem, state))
+    free = np.flatnonzero(problem.free)
+    inverse = np.linalg.inv(system.hessian[np.ix_(free, free)])[: len(columns), : len(columns)]
+    if FOCAL not in columns or inverse[0, 0] < _VAGUE_FOCAL**2:
+        return []
+    along = np.zeros(N_PARAMETERS)
+    along[columns] = inverse[0] / np.sqrt(inverse[0, 0])  # as the focal length takes the others
+    return [
+        replace(state, parameters=state.parameters + sigmas * along) for sigmas in _VALLEY_SIGMAS
+    ]
+
+
+def _best(problem: Problem, states: list[State], steps: int) -> State:
+    """The lowest minimum from several states; clearly different ones that are nearly as low are
+    its ``rivals``.
+    """
+    found = [descend(problem, state, steps=steps, tolerance=1e-2) for state in states]
+    costs = np.array([lin.cost for _, lin in found])
+    best = found[int(costs.argmin())][0]
+    rivals: list[tuple[float, np.ndarray]] = []
+    for cost, (state, _) in sorted(zip(costs, found, strict=True), key=lambda pair: pair[0]):
+        known = [best.parameters, *(parameters for _, parameters in rivals)]
+        gap = np.abs(state.parameters[:3] - np.array(known)[:, :3]) / _MODES_APART
+        if cost - costs.min() < _MODE_COST and (gap.max(axis=1) > 1).all():
+            rivals.append((float(cost - costs.min()), state.parameters))
+    return replace(best, rivals=tuple(rivals))
 
 
 def _thinned(problem: Problem, people: int, seed: int) -> Problem:

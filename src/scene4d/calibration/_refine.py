@@ -172,7 +172,7 @@ class Problem:
 @dataclass(frozen=True, eq=False)
 class State:
     """A point of the search: camera, heights above the mean (m), noise, azimuth of the lines,
-    drift.
+    drift. ``rivals`` are other minima of the search: what they cost more, and their cameras.
     """
 
     parameters: Float[np.ndarray, "7"]
@@ -180,6 +180,7 @@ class State:
     noise: Noise
     azimuth: float = 0.0
     drift: Float[np.ndarray, "5"] = field(default_factory=lambda: np.zeros(N_DRIFTS))
+    rivals: tuple[tuple[float, Float[np.ndarray, "7"]], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

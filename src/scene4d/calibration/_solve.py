@@ -112,7 +112,7 @@ def solve_segments(
         )
     if options.method == "paper":
         return paper_calibration(case)
-    prior = _prior(case)
+    prior = _prior(case, of_middle=guessed)
     problem = _problem(case, prior, edges_xyxy)
     if known is not None:
         found = landmark_answer(case, problem, known, _covariance_of_people)
@@ -142,8 +142,10 @@ def _with_contradictions(case: Case, found: Calibration, guessed: bool) -> Calib
     return replace(found, warnings=(*found.warnings, *_contradictions(case)))
 
 
-def _prior(case: Case) -> Prior:
-    """What is known before anybody is seen."""
+def _prior(case: Case, *, of_middle: bool) -> Prior:
+    """What is known before anybody is seen; ``of_middle`` if a known orientation is that of the
+    picture's middle.
+    """
     asked, unit = case.asked, case.frame.half_diagonal_px
     measured = case.frame.lens is not None
     prior = default_prior(
@@ -152,6 +154,7 @@ def _prior(case: Case) -> Prior:
     )
     if asked.known_orientation is not None:
         prior = prior.with_orientation(asked.known_orientation, unit)
+        prior = replace(prior, of_middle=of_middle and not measured)
     if asked.fixed_focal_px is not None:
         prior = prior.with_focal(asked.fixed_focal_px, unit)
     return prior

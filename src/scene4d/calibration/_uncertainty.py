@@ -43,7 +43,17 @@ def covariance(problem: Problem, state: State) -> Float[np.ndarray, "7 7"]:
     ]
     own = inverse[:N_PARAMETERS, :N_PARAMETERS]
     scatter = _beyond_the_model(problem, state, inverse)
-    return own + scatter + _shared(problem, state, inverse, effects)
+    return own + scatter + _shared(problem, state, inverse, effects) + _of_rivals(state)
+
+
+def _of_rivals(state: State) -> Float[np.ndarray, "7 7"]:
+    """What other minima of nearly the same cost add: the spread of a mixture about the best one."""
+    total = np.zeros((N_PARAMETERS, N_PARAMETERS))
+    odds = [np.exp(-cost / 2) for cost, _ in state.rivals]
+    for share, (_, parameters) in zip(odds, state.rivals, strict=True):
+        away = parameters - state.parameters
+        total += share / (1 + sum(odds)) * np.outer(away, away)
+    return total
 
 
 def most_probable(problem: Problem, state: State) -> Float[np.ndarray, "7"]:

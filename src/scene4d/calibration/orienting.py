@@ -164,9 +164,14 @@ class OrientationReading:
         }
 
     def _given_lens(self, told: Orientation) -> Orientation:
-        if self.lens is None or not self.focal_known:
+        """As told of the picture's middle; of the optical axis where the lens says where it is."""
+        if self.lens is None:
             return told
-        return replace(told, focal_px=float(self.lens.K[0, 0]), focal_sigma_px=0.0)
+        if self.focal_known:
+            told = replace(told, focal_px=float(self.lens.K[0, 0]), focal_sigma_px=0.0)
+        right, down = self.lens.K[:2, 2] - (np.array(self.image_size) - 1) / 2
+        below = down * np.cos(told.roll_rad) - right * np.sin(told.roll_rad)
+        return replace(told, tilt_rad=told.tilt_rad + float(np.arctan2(below, told.focal_px)))
 
     def _focal_px(self, crop_vfov_rad: float) -> float:
         from scene4d.perception.orientation import crop_size
