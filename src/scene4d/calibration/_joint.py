@@ -86,14 +86,23 @@ def position_weights(
     errors in different places (gait, posture, clothes): m places count as
     ``m / (1 + (m - 1) correlation)`` (Kish's design effect).
     """
-    weights = np.ones(len(track))
+    places = places_of(foot, length, track)
+    counts = places / (1 + (places - 1) * correlation) / np.bincount(track)
+    weights: np.ndarray = counts[track]
+    return weights
+
+
+def places_of(
+    foot: Float[np.ndarray, "2 n"], length: Float[np.ndarray, "n"], track: Int[np.ndarray, "n"]
+) -> Int[np.ndarray, "t"]:
+    """In how many different places each track is seen (:data:`NEW_POSITION`)."""
+    places = np.ones(int(track.max(initial=-1)) + 1, int)
     repeated = np.flatnonzero(np.bincount(track)[track] > 1)
     order = repeated[np.argsort(track[repeated], kind="stable")]
     starts = np.flatnonzero(np.diff(track[order], prepend=-1))
     for rows in np.split(order, starts[1:]) if len(order) else []:
-        places = _places(foot[:, rows], length[rows])
-        weights[rows] = places / (1 + (places - 1) * correlation) / len(rows)
-    return weights
+        places[track[rows[0]]] = _places(foot[:, rows], length[rows])
+    return places
 
 
 def _places(foot: np.ndarray, length: np.ndarray) -> int:

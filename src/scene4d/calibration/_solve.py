@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from scene4d.calibration import _verdict as verdict
-from scene4d.calibration._body import FOCAL, HEIGHT
+from scene4d.calibration._body import FOCAL, HEIGHT, Points
 from scene4d.calibration._case import Case, ImageFrame, different_people, ground_errors
 from scene4d.calibration._doubts import Doubts, doubts
 from scene4d.calibration._drift import Drift
-from scene4d.calibration._joint import TRACK_CORRELATION, position_weights, solve
+from scene4d.calibration._joint import TRACK_CORRELATION, places_of, position_weights, solve
 from scene4d.calibration._landmark_answer import landmark_answer
 from scene4d.calibration._lens_choice import with_best_lens
 from scene4d.calibration._level_result import with_level
@@ -32,6 +32,13 @@ _SMALL = 0.02
 """Length in half diagonals at which pixels matter as much as everything else: 20 px in a picture of
 1600x1200, where an error of half a pixel at both ends is the 3 % that :class:`.Noise` starts from.
 """
+STILL_WEIGHT = 0.1
+"""Of a box whose track never leaves its place where others walk: it may sit, or be cut by what it
+stands behind, which a box does not show, or be no person. Chosen: ten of them count as one walker.
+With the true lens it brings tilt from boxes nearer to the truth on seven of ten cameras and
+farther on none by more than 0.2°."""
+_WALKERS = 2
+"""So many walkers, and standing is a choice and not the lack of other pictures."""
 _LENS_AGREEMENT = 0.03
 """Relative difference of two given focal lengths that is worth a warning. Chosen by hand: three
 times what lens calibrations of one camera differ by."""
@@ -167,6 +174,9 @@ def _problem(case: Case, prior: Prior, edges_xyxy: np.ndarray | None) -> Problem
     length = np.hypot(*(points.head - points.foot))
     correlation = TRACK_CORRELATION if case.asked.systematics else 0.0
     weight = position_weights(points.foot, length, track, correlation)
+    if case.asked.systematics:
+        still = ~_walks(points, length, track) & (case.segments.track[case.usable] >= 0)
+        weight = np.where(still & points.from_box, STILL_WEIGHT * weight, weight)
     lines = None
     if edges_xyxy is not None and len(edges_xyxy):
         lines = _lines(case.frame, edges_xyxy)
@@ -188,6 +198,15 @@ def _blur(case: Case, length: np.ndarray) -> np.ndarray:
     box = (boxes[:, 2:] - boxes[:, :2]).max(axis=1) / case.frame.half_diagonal_px
     blur: np.ndarray = np.hypot(np.fmax(box, length), _SMALL) / length
     return blur
+
+
+def _walks(points: Points, length: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """Rows (n,) of people who are seen in several places; everybody where hardly anybody is, as in
+    single pictures.
+    """
+    walkers = places_of(points.foot, length, track) > 1
+    rows: np.ndarray = walkers[track] if walkers.sum() >= _WALKERS else np.ones(len(track), bool)
+    return rows
 
 
 def _renumbered(track: np.ndarray) -> np.ndarray:
