@@ -23,8 +23,8 @@ little pass for people. Read off synthetic scenes with 10 to 40 % of them (tests
 _GROUPS = 40
 """More tracks than this are left out in groups: so many tell a standard deviation to a ninth."""
 _MODEL_TRACKS = 5.0
-"""The model's own variance counts as that of so many tracks. Chosen: with five the jackknife tells a
-standard deviation to a third, about as well as the model is known to hold."""
+"""The model's own variance counts as that of so many tracks. Chosen: with five the jackknife tells
+a standard deviation to a third, about as well as the model is known to hold."""
 
 
 def covariance(problem: Problem, state: State) -> Float[np.ndarray, "7 7"]:
