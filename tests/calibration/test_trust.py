@@ -42,12 +42,12 @@ def rms_z() -> np.ndarray:
 
 def test_tracks_that_err_as_a_whole_are_in_the_stated_uncertainty():
     stated = rms_z()
-    assert (stated < 1.5).all() and stated[2] > 0.6, stated
+    assert (stated < 1.65).all() and stated[2] > 0.6, stated
 
 
 def test_without_the_jackknife_roll_would_be_stated_far_too_surely(monkeypatch):
     monkeypatch.setattr(_uncertainty, "_beyond_the_model", lambda *_: np.zeros((7, 7)))
-    assert rms_z()[2] > 1.8
+    assert rms_z()[2] > 2
 
 
 def test_the_jackknife_leaves_independent_errors_nearly_as_they_are(monkeypatch):
