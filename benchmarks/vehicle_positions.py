@@ -21,10 +21,10 @@ import numpy as np
 from scene4d.core.camera import Camera
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
+from scene4d.core.vehicle_shapes import CUBOID, SHAPES
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
 from scene4d.tracking._vehicle_fit import Bells, Boxes, fit
-from scene4d.tracking._vehicle_shapes import CUBOID, SHAPES
 from scene4d.tracking._vehicles import JITTER_SHARE, locate_vehicles
 
 ROOT = Path(__file__).parents[1]

@@ -75,7 +75,7 @@ def test_everybody_at_one_distance(seed):
     xy = np.column_stack([rng.uniform(-7, 7, 8), rng.normal(76.0, 0.3, 8)])
     reason = refused(*seen(camera, xy, seed))
     assert "all people are at one distance from the camera" in reason
-    assert "people who also walk nearer to and farther from the camera" in reason
+    assert "people nearer to the camera and farther from it as well" in reason
 
 
 @pytest.mark.parametrize("fov_deg", [45.0, 70.0])

@@ -24,8 +24,8 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import VEHICLES, Located
+from scene4d.core.vehicle_shapes import CUBOID, SHAPES, VehicleShape
 from scene4d.tracking._vehicle_fit import Outline, cholesky, solve
-from scene4d.tracking._vehicle_shapes import CUBOID, SHAPES, VehicleShape
 from scene4d.tracking._vehicles import locate_vehicles
 from strategies import build_camera, build_lens, cameras
 

@@ -16,7 +16,7 @@ from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.orienting import OrientationReading
 from scene4d.core.calibration import Calibration
 from scene4d.core.orientation import Orientation
-from scene4d.core.people import Segments
+from scene4d.core.people import Detections, Segments
 
 NETWORK_WIDENING = 1.5
 """Of the network's standard deviations where it is a guess: they are right on pictures like those
@@ -31,6 +31,7 @@ def solve_guided(
     reading: OrientationReading | None,
     *,
     edges_xyxy: Float[np.ndarray, "m 4"] | None = None,
+    vehicles: Detections | None = None,
     alone: Calibration | None = None,
 ) -> Calibration:
     """As :func:`.solve_segments`, with the network's ``reading`` where ``options`` ask for it.
@@ -39,7 +40,9 @@ def solve_guided(
     """
 
     def solve(asked: CalibrateOptions, *, guessed: bool = False) -> Calibration:
-        return solve_segments(segments, image_size, asked, edges_xyxy=edges_xyxy, guessed=guessed)
+        return solve_segments(
+            segments, image_size, asked, edges_xyxy=edges_xyxy, vehicles=vehicles, guessed=guessed
+        )
 
     if reading is None or not options.uses_network:
         return solve(options)

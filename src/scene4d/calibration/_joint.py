@@ -149,6 +149,8 @@ def _starting_points(
     keep: int = 3,
 ) -> Float[np.ndarray, "m 7"]:
     """The best ``keep`` distinct parameter vectors of the grid, best first."""
+    if len(weight) == 0:
+        return np.empty((0, N_PARAMETERS))
     corner = prior.mean[CORNER]
     if len(weight) > _GRID_PEOPLE:
         rows = np.linspace(0, len(weight) - 1, _GRID_PEOPLE).astype(int)

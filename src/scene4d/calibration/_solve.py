@@ -19,13 +19,14 @@ from scene4d.calibration._lines import Lines
 from scene4d.calibration._paper import paper_calibration
 from scene4d.calibration._prior import CENTRE_SIGMA, Prior, default_prior
 from scene4d.calibration._refine import Problem, State, linearise, spreads
+from scene4d.calibration._traffic import Traffic, joined
 from scene4d.calibration._uncertainty import covariance
 from scene4d.calibration.options import POINTS, CalibrateOptions
 from scene4d.core.body import FOOT_HEIGHT_M, HEIGHT_SIGMA_M, PERSON_HEIGHT_M
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
-from scene4d.core.people import Segments
+from scene4d.core.people import Detections, Segments
 from scene4d.core.points import ImageSize, as_image_size
 
 _SMALL = 0.02
@@ -98,13 +99,15 @@ def solve_segments(
     options: CalibrateOptions,
     *,
     edges_xyxy: Float[np.ndarray, "m 4"] | None = None,
+    vehicles: Detections | None = None,
     guessed: bool = False,
 ) -> Calibration:
     """As :func:`solve_camera`, on segments in pixels of the footage.
 
     The files that ``options`` name must have been read (:meth:`CalibrateOptions.read`).
-    ``edges_xyxy`` are straight edges of the scene in the same pixels. A ``guessed`` orientation is
-    not named where the people contradict it: the caller asks :func:`.disagreements`.
+    ``edges_xyxy`` are straight edges of the scene in the same pixels, ``vehicles`` tracked boxes,
+    sorted by time, which the paper's method leaves aside. A ``guessed`` orientation is not named
+    where the people contradict it: the caller asks :func:`.disagreements`.
     """
     if options.method == "paper" and options.known_orientation is None:
         raise InputError("the paper's method needs an orientation: pass one, or read the network's")
@@ -112,41 +115,50 @@ def solve_segments(
     case = Case(segments, ImageFrame(image_size, options.known_lens), options)
     usable = case.usable
     known = options.known_landmarks
-    if usable.sum() < verdict.MIN_PEOPLE and known is None:
-        return case.undetermined(
-            f"{int(usable.sum())} upright people are seen whole, and at least "
-            f"{verdict.MIN_PEOPLE} are needed: use more footage, or footage with people in it"
-        )
+    traffic = None if options.method == "paper" else Traffic.of(vehicles, case.frame)
+    enough = traffic is not None and len(traffic) >= verdict.MIN_VEHICLES
+    if usable.sum() < verdict.MIN_PEOPLE and not enough and known is None:
+        moving = None if vehicles is None else 0 if traffic is None else len(traffic)
+        return case.undetermined(verdict.too_few(int(usable.sum()), moving))
     if options.method == "paper":
         return paper_calibration(case)
     prior = _prior(case, of_middle=guessed)
-    problem = _problem(case, prior, edges_xyxy)
     if known is not None:
+        problem = _problem(case, prior, edges_xyxy, None)
         found = landmark_answer(case, problem, known, _covariance_of_people)
         return _with_contradictions(case, found, guessed)
-    if segments.from_box[usable].all() and prior.sigma[FOCAL] > verdict.FOCAL_KNOWN:
+    boxes = bool(segments.from_box[usable].all()) and not enough
+    if boxes and prior.sigma[FOCAL] > verdict.FOCAL_KNOWN:
         return case.undetermined(verdict.BOXES_ALONE)
-    state = solve(problem, seed=options.seed)
+    problem = _problem(case, prior, edges_xyxy, traffic)
+    starts = None if traffic is None else traffic.starts(prior)
+    state = solve(problem, seed=options.seed, more_starts=starts)
     if state is None:
         if verdict.hanging(problem.points):
             return case.undetermined(verdict.HANGING)
         return case.undetermined("no camera above the ground explains what is seen")
-    problem, state = with_best_lens(problem, state, seed=options.seed)
+    if traffic is None:  # the vehicles' model has no fisheye lens
+        problem, state = with_best_lens(problem, state, seed=options.seed)
     if problem.points.fisheye:
         case = replace(case, frame=replace(case.frame, fisheye=True))
-    level = second_level(problem, state, segments.foot_uv[usable], systematics=options.systematics)
+    level = None
+    if traffic is None:
+        feet_uv = segments.foot_uv[usable]
+        level = second_level(problem, state, feet_uv, systematics=options.systematics)
     if level is not None and level.believed:
         problem, state = level.problem, level.state
-    found = with_level(_judged(case, problem, state), level, usable)
+    found = with_level(_judged(case, problem, state, traffic), level, usable)
     if found and problem.points.fisheye:
         found = replace(found, warnings=(*found.warnings, verdict.FISHEYE_FOUND))
-    return _with_contradictions(case, found, guessed)
+    return _with_contradictions(case, found, guessed, vehicles)
 
 
-def _with_contradictions(case: Case, found: Calibration, guessed: bool) -> Calibration:
+def _with_contradictions(
+    case: Case, found: Calibration, guessed: bool, vehicles: Detections | None = None
+) -> Calibration:
     if not found or guessed:
         return found
-    return replace(found, warnings=(*found.warnings, *_contradictions(case)))
+    return replace(found, warnings=(*found.warnings, *_contradictions(case, vehicles)))
 
 
 def _prior(case: Case, *, of_middle: bool) -> Prior:
@@ -167,8 +179,10 @@ def _prior(case: Case, *, of_middle: bool) -> Prior:
     return prior
 
 
-def _problem(case: Case, prior: Prior, edges_xyxy: np.ndarray | None) -> Problem:
-    """The minimisation over the usable people."""
+def _problem(
+    case: Case, prior: Prior, edges_xyxy: np.ndarray | None, traffic: Traffic | None
+) -> Problem:
+    """The minimisation over the usable people and the vehicles."""
     points = case.points.select(case.usable)
     track = _renumbered(case.segments.track[case.usable])
     length = np.hypot(*(points.head - points.foot))
@@ -181,8 +195,9 @@ def _problem(case: Case, prior: Prior, edges_xyxy: np.ndarray | None) -> Problem
     if edges_xyxy is not None and len(edges_xyxy):
         lines = _lines(case.frame, edges_xyxy)
     drift = Drift.of(points) if case.asked.systematics and case.usable.any() else None
+    terms = () if traffic is None else (traffic.vehicles,)
     return Problem(
-        points, track, weight, case.asked.person_height_m, prior, lines, drift=drift,
+        points, track, weight, case.asked.person_height_m, prior, lines, terms, drift=drift,
         blur=_blur(case, length),
     )  # fmt: skip
 
@@ -227,23 +242,34 @@ def _lines(frame: ImageFrame, xyxy: np.ndarray) -> Lines:
     return Lines.from_pixels(both * unit, np.zeros(2), unit)
 
 
-def _judged(case: Case, problem: Problem, state: State) -> Calibration:
+def _judged(case: Case, problem: Problem, state: State, traffic: Traffic | None) -> Calibration:
     """The calibration of a solved problem, or its refusal."""
     people = different_people(case.segments.select(case.usable))
-    cov = _covariance_of_people(case, problem, state)
+    vehicles = 0 if traffic is None else len(traffic)
+    cov = _covariance_of_people(case, problem, state, vehicles)
     lin = linearise(problem, state)
-    inlier = case.over_all(lin.inlier > 0.5, False)
+    agreeing = lin.inlier > 0.5
+    inlier = case.over_all(agreeing, False)
     camera = case.frame.camera(state.parameters)
-    errors = ground_errors(case.found(camera=camera, covariance=cov, inlier=inlier))
-    share = float(inlier[case.usable].mean())
-    depth = verdict.depth_of(problem.points, camera.R[:, 2], lin.inlier > 0.5)
+    rulers, used = problem.points, None
+    if traffic is not None:
+        fits = traffic.vehicles.agreeing(state.parameters)
+        rulers, used = joined(rulers, traffic.uprights), traffic.detections.select(fits)
+        agreeing = np.concatenate([agreeing, fits])
+    errors = ground_errors(case.found(camera=camera, covariance=cov, inlier=inlier, vehicles=used))
+    share = float(agreeing.mean())
+    depth = verdict.depth_of(rulers, camera.R[:, 2], agreeing)
     why = verdict.refusal(
-        problem.points, problem.prior, state.parameters, depth, cov, errors.relative, share
-    )
-    doubt = doubts(case, problem, state, people, share) if why is None else Doubts(why)
+        rulers, problem.prior, state.parameters, depth, cov, errors.relative, share,
+        who=verdict.in_words(people, vehicles),
+    )  # fmt: skip
+    doubt = Doubts(why)
+    if why is None and traffic is None:
+        doubt = doubts(case, problem, state, people, share)
     if doubt.refusal is not None:
         return case.undetermined(doubt.refusal, inlier)
     along, across = spreads(problem, state.noise)
+    said = verdict.warnings(len(agreeing), people, share, problem.prior, cov, n_vehicles=vehicles)
     return case.found(
         camera=camera,
         covariance=cov,
@@ -251,31 +277,35 @@ def _judged(case: Case, problem: Problem, state: State) -> Calibration:
         residual=case.over_all(np.hypot(lin.residual[0] * along, lin.residual[1] * across), np.nan),
         ground_error_m=errors.within,
         ground_error_from_camera_m=errors.from_camera,
-        warnings=(
-            *verdict.warnings(int(case.usable.sum()), people, share, problem.prior, cov),
-            *doubt.warnings,
-        ),
+        vehicles=used,
+        warnings=(*said, *doubt.warnings),
     )
 
 
-def _covariance_of_people(case: Case, problem: Problem, state: State) -> np.ndarray:
+def _covariance_of_people(
+    case: Case, problem: Problem, state: State, vehicles: int = 0
+) -> np.ndarray:
     people = different_people(case.segments.select(case.usable))
     found = covariance(problem, state)
-    found[HEIGHT, HEIGHT] += _scale_variance(case, problem, people)
+    found[HEIGHT, HEIGHT] += _scale_variance(case, problem, people, vehicles)
     return found
 
 
-def _scale_variance(case: Case, problem: Problem, people: int) -> float:
+def _scale_variance(case: Case, problem: Problem, people: int, vehicles: int) -> float:
     """Relative variance of the scale beyond the solver's: the population's mean is not known for
-    sure, and sightings of unknown track may be fewer ``people`` than the solver counts.
+    sure, and sightings of unknown track may be fewer ``people`` than the solver counts. A vehicle
+    tells the scale about as well as a person, and its own class' mean is in the solver's.
     """
+    if people == 0:
+        return 0.0
     counted = len(np.unique(problem.track))
     population2 = case.asked.population_sigma_m**2
     missing2 = HEIGHT_SIGMA_M**2 * max(1 / people - 1 / counted, 0.0)
-    return (population2 + missing2) / problem.person_height_m**2
+    of_people = people / (people + vehicles)
+    return of_people**2 * (population2 + missing2) / problem.person_height_m**2
 
 
-def _contradictions(case: Case) -> list[str]:
+def _contradictions(case: Case, vehicles: Detections | None) -> list[str]:
     """Sentences about given values that the people, asked again without them, contradict; none
     where nothing was given, and of boxes alone, which cannot answer.
     """
@@ -297,7 +327,9 @@ def _contradictions(case: Case) -> list[str]:
     if given is None or of_boxes:
         return said
     free = replace(asked, orientation="people", estimate_focal=True)
-    alone = solve_segments(case.segments, case.frame.image_size, free, guessed=True)
+    alone = solve_segments(
+        case.segments, case.frame.image_size, free, vehicles=vehicles, guessed=True
+    )
     return said + [
         f"The {name} that was given, {stated}, contradicts the {who}, which alone give {found}."
         for name, stated, found in verdict.disagreements(alone, given)

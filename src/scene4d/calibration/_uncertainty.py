@@ -42,6 +42,8 @@ def covariance(problem: Problem, state: State) -> Float[np.ndarray, "7 7"]:
         Systematic("height of a second ground level", problem.points.ground_sigma_m, _raised),
     ]
     own = inverse[:N_PARAMETERS, :N_PARAMETERS]
+    if len(problem.track) == 0:
+        return own
     scatter = _beyond_the_model(problem, state, inverse)
     return own + scatter + _shared(problem, state, inverse, effects) + _of_rivals(state)
 

@@ -14,6 +14,9 @@ from scene4d.core.orientation import Orientation
 # 2009, TownCentre, synthetic scenes of tests/calibration) so that no correct camera is refused.
 MIN_PEOPLE = 3
 """With fewer people the result is only the prior: four unknowns, two equations per person."""
+MIN_VEHICLES = 5
+"""Different vehicles that may stand in for people: each tells two numbers after its position, and
+their sizes vary by twice as much."""
 FEW_INLIERS = 0.6
 """Share of inliers below which a camera is doubtful."""
 FOCAL_KNOWN = 0.3
@@ -65,6 +68,24 @@ HANGING = (
 )
 
 
+def too_few(people: int, vehicles: int | None) -> str:
+    """The refusal where neither people nor moving vehicles (None: not looked for) are enough."""
+    seen = f"{people} upright people are seen whole, and at least {MIN_PEOPLE} are needed"
+    if vehicles is None:
+        return f"{seen}: use more footage, or footage with people in it"
+    return (
+        f"{seen}, or {MIN_VEHICLES} moving vehicles, of which {vehicles} are seen whole: use more "
+        "footage, or footage with people or more traffic in it"
+    )
+
+
+def in_words(people: int, vehicles: int) -> str:
+    """Who tells the camera."""
+    if not vehicles:
+        return "people"
+    return "people and vehicles" if people else "vehicles"
+
+
 def depth_of(points: Points, up: Float[np.ndarray, "3"], inlier: Bool[np.ndarray, "n"]) -> float:
     """Standard deviation of the feet (n,) across the horizon, in median lengths of a person."""
     foot, head = points.foot[:, inlier], points.head[:, inlier]
@@ -82,6 +103,7 @@ def refusal(
     covariance: Float[np.ndarray, "7 7"],
     relative_ground_error: float,
     inlier_share: float,
+    who: str = "people",
 ) -> str | None:
     """Why the camera is undetermined and what would determine it; None if it is determined."""
     if inlier_share < _MIN_INLIERS:
@@ -90,7 +112,7 @@ def refusal(
         told = prior.sigma[TILT] < _TOLD_TILT
         first = "an orientation that fits this footage, " if told else ""
         return (
-            f"only {inlier_share:.0%} of the people agree with one camera over one flat ground; "
+            f"only {inlier_share:.0%} of the {who} agree with one camera over one flat ground; "
             f"needed: {first}people who stand upright on the same plane, or a lens file if the "
             "lens distortion is strong"
         )
@@ -106,8 +128,8 @@ def refusal(
         what = f"ground positions would be wrong by {relative_ground_error:.0%} of their distance"
     else:
         known = prior.sigma[FOCAL] <= FOCAL_KNOWN
-        return None if known else _implausible(parameters, points.fisheye)
-    where, needed = _lack(points, flat=flat)
+        return None if known else _implausible(parameters, points.fisheye, who)
+    where, needed = _lack(points, who, flat=flat)
     hint = " or a lens file (lens)" if prior.sigma[FOCAL] > 0 else ""
     return f"{what}: {where}; needed: {needed}{hint}"
 
@@ -135,22 +157,22 @@ def landmark_refusal(
     )
 
 
-def _lack(points: Points, *, flat: bool) -> tuple[str, str]:
+def _lack(points: Points, who: str, *, flat: bool) -> tuple[str, str]:
     """What the people's positions lack, and what would supply it."""
     size = np.hypot(*(points.head - points.foot))
     if _reach(points) < _ONE_SPOT:
         return (
-            "all people stand in one spot",
-            "people in other parts of the image, near and far",
+            f"all {who} stand in one spot",
+            f"{who} in other parts of the image, near and far",
         )
     if flat or np.quantile(size, 0.95) < 1.25 * np.quantile(size, 0.05):
         return (
-            "all people are at one distance from the camera",
-            "people who also walk nearer to and farther from the camera",
+            f"all {who} are at one distance from the camera",
+            f"{who} nearer to the camera and farther from it as well",
         )
     return (
-        "the people are too few, or too similar in size and position",
-        "more people, near and far and on both sides",
+        f"the {who} are too few, or too similar in size and position",
+        f"more {who}, near and far and on both sides",
     )
 
 
@@ -160,7 +182,7 @@ def _reach(points: Points) -> float:
     return float((high - low).max() / np.median(np.sqrt(points.seen2)))
 
 
-def _implausible(parameters: np.ndarray, fisheye: bool) -> str | None:
+def _implausible(parameters: np.ndarray, fisheye: bool, who: str) -> str | None:
     """Why the camera is implausible; asked only if no focal length was given."""
     corner = np.exp(-parameters[FOCAL])  # from the axis, in focal lengths
     view_deg = float(np.degrees(2 * (corner if fisheye else np.arctan(corner))))
@@ -172,24 +194,30 @@ def _implausible(parameters: np.ndarray, fisheye: bool) -> str | None:
     )
     if not _DIAGONAL_VIEW_DEG[0] <= view_deg <= widest_deg:
         return (
-            f"the people's sizes and positions suggest a diagonal field of view of {view_deg:.1f}°"
-            f", which is unlikely for a fixed camera; {needed}"
+            f"the sizes and positions of the {who} suggest a diagonal field of view of "
+            f"{view_deg:.1f}°, which is unlikely for a fixed camera; {needed}"
         )
     if not _HEIGHT_M[0] <= height_m <= _HEIGHT_M[1]:
         return (
-            f"the people's sizes and positions suggest a camera {height_m:.1f} m above the ground, "
-            f"which is unlikely; {needed}"
+            f"the sizes and positions of the {who} suggest a camera {height_m:.1f} m above the "
+            f"ground, which is unlikely; {needed}"
         )
     return None
 
 
 def warnings(
     n_sightings: int, n_people: int, inlier_share: float, prior: Prior,
-    covariance: Float[np.ndarray, "7 7"],
+    covariance: Float[np.ndarray, "7 7"], n_vehicles: int = 0,
 ) -> list[str]:  # fmt: skip
     """Warnings about an accepted camera, as sentences."""
     said = []
-    if n_people < _FEW_PEOPLE:
+    if n_vehicles:
+        also = f" and {n_people} {'people' if n_people > 1 else 'person'}" if n_people else ""
+        said.append(
+            f"The scale rests on {n_vehicles} vehicles{also}, and on the sizes that are usual for "
+            "their classes, which differ between countries by up to a tenth."
+        )
+    elif n_people < _FEW_PEOPLE:
         who = f"{n_people} different people" if n_people > 1 else "what may be one person"
         said.append(
             f"The camera is based on {who}; with ten or more, the scale would depend less on the "

@@ -12,6 +12,7 @@ from scene4d.core.text import prefixed
 
 METHODS = ("joint", "paper")
 CONSENSUS = ("exact", "ransac")
+VEHICLES = ("auto", "always", "never")
 _POPULATION_SIGMA_M = 0.03
 """Standard deviation of the mean height of the people in a scene. Chosen: national means of adults
 of both sexes differ by about this much (METHOD section 4)."""
@@ -41,6 +42,8 @@ class CalibrateOptions:
     keypoints are known (Wagner et al. 2019), by the ``consensus`` ``"exact"`` or, as published,
     ``"ransac"``. ``lines`` uses the straight edges of the scene, ``estimate_distortion`` estimates
     a radial coefficient if no lens is given.
+    ``vehicles`` says when moving vehicles serve as rulers besides people: ``"auto"`` where people
+    alone do not determine the camera, ``"always"`` or ``"never"``.
     ``foot_height_m`` is the height of the foot points (0 for boxes) above the ground.
     ``systematics`` adds the errors that all people of real footage share and treats the places of
     one track as correlated. ``seed`` is the seed of all sampling.
@@ -61,6 +64,7 @@ class CalibrateOptions:
     drop_invalid: bool = False
     format: str | None = None
     lines: bool = True
+    vehicles: str = "auto"
     consensus: str = "exact"
     foot_height_m: float = FOOT_HEIGHT_M
     population_sigma_m: float = _POPULATION_SIGMA_M
@@ -68,7 +72,11 @@ class CalibrateOptions:
     systematics: bool = True
 
     def __post_init__(self) -> None:
-        for name, allowed in (("method", METHODS), ("consensus", CONSENSUS)):
+        for name, allowed in (
+            ("method", METHODS),
+            ("consensus", CONSENSUS),
+            ("vehicles", VEHICLES),
+        ):
             if getattr(self, name) not in allowed:
                 raise InputError(f"{name} must be one of {allowed}, found {getattr(self, name)!r}")
         height_m = self.person_height_m

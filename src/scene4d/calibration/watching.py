@@ -10,6 +10,7 @@ import numpy as np
 from scene4d.calibration._guess import solve_guided
 from scene4d.calibration._segments import missing_keypoints, person_segments
 from scene4d.calibration._upright import turned_footage
+from scene4d.calibration._watching_vehicles import annotated_vehicles, watch_vehicles
 from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.orienting import MOST_FRAMES, OrientationReader, OrientationReading
 from scene4d.core.calibration import Calibration
@@ -32,7 +33,9 @@ nearly the same. If its estimate is used as is: all frames, up to :data:`.MOST_F
 
 @dataclass
 class Seen:
-    """What the footage shows; ``reading`` is None if the orientation network was not used."""
+    """What the footage shows; ``reading`` is None if the orientation network was not used, and
+    ``vehicles`` (tracked) where vehicles were not looked for.
+    """
 
     detections: Detections
     frames: int
@@ -41,6 +44,7 @@ class Seen:
     people_bgr: np.ndarray | None = None
     reading: OrientationReading | None = None
     notes: list[str] = field(default_factory=list)
+    vehicles: Detections | None = None
 
 
 def solved(seen: Seen, options: CalibrateOptions) -> Calibration:
@@ -57,6 +61,7 @@ def solved(seen: Seen, options: CalibrateOptions) -> Calibration:
         options,
         seen.reading,
         edges_xyxy=seen.edges_xyxy,
+        vehicles=seen.vehicles,
         alone=None if joint else _without_network(seen, options),
     )
     said = [*seen.notes]
@@ -110,7 +115,10 @@ def annotated(options: CalibrateOptions, image_size: tuple[int, int], fps: float
         format=options.format,
         drop_invalid=options.drop_invalid,
     )
-    return Seen(detections, len(np.unique(detections.frame)), notes=notes)
+    seen = Seen(detections, len(np.unique(detections.frame)), notes=notes)
+    if needs_vehicles(seen, options):
+        seen.vehicles = annotated_vehicles(detections)
+    return seen
 
 
 def noted_annotations(
@@ -174,6 +182,9 @@ def watch(
         seen = annotated(options, footage.image_size, footage.fps)
         of_view = ~_nearest_in(seen.detections.frame, sampled, elsewhere)
         seen.detections = seen.detections.select(of_view)
+        if seen.vehicles is not None:
+            elsewhere_too = _nearest_in(seen.vehicles.frame, sampled, elsewhere)
+            seen.vehicles = seen.vehicles.select(~elsewhere_too)
     else:
         seen = Seen(Detections.concatenate(parts), len(sampled) - len(elsewhere))
         drop_stationary(seen)
@@ -192,7 +203,20 @@ def watch(
         with timed(timings, "edges"):
             hidden = None if background.is_median else seen.detections.box_xyxy
             seen.edges_xyxy = straight_edges(seen.image_bgr, hidden)
+    if people is not None and needs_vehicles(seen, options):
+        fetch_weights(progress, vehicles=True)
+        found = watch_vehicles(footage, progress, timings)
+        if found is not None:
+            found = found.select(~_nearest_in(found.frame, sampled, elsewhere))
+        seen.vehicles = found
     return seen
+
+
+def needs_vehicles(seen: Seen, options: CalibrateOptions) -> bool:
+    """Whether vehicles are asked for, or help: where nothing else determines the camera."""
+    if options.method != "joint" or options.vehicles == "never":
+        return False
+    return options.vehicles == "always" or not solved(seen, options)
 
 
 def _nearest_in(frame: np.ndarray, sampled: list[int], chosen: list[int]) -> np.ndarray:

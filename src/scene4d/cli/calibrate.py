@@ -27,6 +27,14 @@ class Method(StrEnum):
     paper = "paper"
 
 
+class Vehicles(StrEnum):
+    """When vehicles are looked for."""
+
+    auto = "auto"
+    always = "always"
+    never = "never"
+
+
 _PLAIN = str.maketrans({"\N{MINUS SIGN}": "-", "\N{NO-BREAK SPACE}": " ", "\u202f": " "})
 """Typographic characters become ASCII, so that copied numbers can be parsed."""
 _FOOTAGE, _KNOWN, _SOLVER = "Input", "Known values", "Solver"
@@ -147,6 +155,14 @@ def calibrate(
             rich_help_panel=_SOLVER,
         ),
     ] = Method.joint,
+    vehicles: Annotated[
+        Vehicles,
+        typer.Option(
+            help="Moving vehicles as rulers, besides people. auto: where people alone do not "
+            "determine the camera. Finding them costs three to four times as much.",
+            rich_help_panel=_SOLVER,
+        ),
+    ] = Vehicles.auto,
     seed: Annotated[
         int,
         typer.Option(
@@ -164,7 +180,8 @@ def calibrate(
     of people.
 
     The camera must not move, the ground must be level where people walk, and at least three people
-    must be visible from head to foot. More people, near and far, left and right, are better.
+    must be visible from head to foot. More people, near and far, left and right, are better. Where
+    people do not determine the camera, moving vehicles help: at least five.
 
     [bold]Examples[/bold]
 
@@ -222,6 +239,7 @@ def calibrate(
         landmarks=landmarks,
         estimate_focal=estimate_focal,
         frames=frames,
+        vehicles=vehicles.value,
         seed=seed,
         drop_invalid=drop_invalid,
         format=format_,
@@ -287,4 +305,7 @@ def _rows(found: "Calibration") -> list[tuple[str, str, str]]:
         rows.append(("People", str(found.inliers), of))
     else:
         rows.append(("People", str(found.people), f"sightings in {where}"))
+    if found.vehicles is not None:
+        of = f"sightings of {found.vehicle_count} vehicles agree with the camera"
+        rows.append(("Vehicles", str(len(found.vehicles)), of))
     return rows

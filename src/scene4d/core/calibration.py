@@ -22,7 +22,7 @@ from scene4d.core.files import write_json
 from scene4d.core.ground_regions import GroundRegion, ground_heights
 from scene4d.core.json_object import JsonObject
 from scene4d.core.landmarks import LandmarkFit
-from scene4d.core.people import Segments
+from scene4d.core.people import Detections, Segments
 from scene4d.core.points import ImageSize, PointsLike, as_image_size, as_points
 
 PARAMETERS: tuple[str, ...] = (
@@ -67,8 +67,8 @@ class Calibration:
     (shift along X and Y in metres, rotation in radians) per unit of each parameter, which gives the
     error within the scene. ``ground_regions`` are parts of the picture whose ground lies above or
     below that of the camera (:meth:`ground_height_m`). ``landmarks`` says how what was measured
-    agrees with the camera (not in files). ``made`` is the origin of the file (source, date,
-    version, command).
+    agrees with the camera, and ``vehicles`` are the sightings of vehicles that do (not in
+    files). ``made`` is the origin of the file (source, date, version, command).
     """
 
     status: str
@@ -91,6 +91,7 @@ class Calibration:
     made: dict[str, str] | None = None
     landmarks: LandmarkFit | None = None
     ground_regions: tuple[GroundRegion, ...] = ()
+    vehicles: Detections | None = None
 
     def __post_init__(self) -> None:
         """Take ``people`` and ``inliers`` (numbers of detections) from the segments, if given."""
@@ -148,6 +149,11 @@ class Calibration:
         if self.warnings:
             rows["Warnings"] = " ".join(self.warnings)
         return beside(rows, camera_svg(c))
+
+    @property
+    def vehicle_count(self) -> int:
+        """How many different vehicles agree with the camera."""
+        return 0 if self.vehicles is None else len(np.unique(self.vehicles.track))
 
     @property
     def sigma(self) -> dict[str, float]:
@@ -251,6 +257,8 @@ class Calibration:
         feet = np.empty((0, 2)) if self.segments is None else self.segments.foot_uv
         feet = feet if self.inlier is None else feet[self.inlier]
         feet = feet[:: max(1, len(feet) // _FEET)]
+        if self.vehicles is not None:
+            feet = np.vstack([feet, self.vehicles.box_foot_uv])
         return feet if self.landmarks is None else np.vstack([feet, self.landmarks.ground_uv])
 
     @property
@@ -390,7 +398,8 @@ class Calibration:
             "status": self.status,
             "warnings": list(self.warnings),
         }
-        optional = {"reason": self.reason, "made": self.made}
+        optional: dict[str, Any] = {"reason": self.reason, "made": self.made}
+        optional["vehicles"] = self.vehicle_count or None
         return values | {name: value for name, value in optional.items() if value is not None}
 
     def _covariance_fields(self, covariance: np.ndarray) -> dict[str, Any]:

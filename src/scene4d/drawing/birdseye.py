@@ -14,7 +14,7 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.drawing import style
 from scene4d.drawing.ground import Area, footprints, grid_step, grid_values, thinned, walked_area
-from scene4d.drawing.overlay import people_of
+from scene4d.drawing.overlay import people_of, vehicle_feet
 from scene4d.drawing.regions import regions_from_above
 from scene4d.drawing.scenery import in_frame
 
@@ -40,7 +40,7 @@ def draw_birdseye(
         raise ValueError("a bird's-eye view needs a camera")
     segments, used = people_of(calibration)
     xy = footprints(camera, segments, calibration.ground_height_m(segments.foot_uv)[0])
-    walked = walked_area(xy[used], camera)
+    walked = walked_area(xy[used] if used.any() else vehicle_feet(calibration), camera)
     if walked is None:
         return None
     area = with_camera(walked, camera)

@@ -123,6 +123,8 @@ def _geometry(axes: Axes, calibration: Calibration, camera: Camera) -> list[Any]
     xy = footprints(camera, segments)[
         used & (calibration.ground_height_m(segments.foot_uv)[0] == 0)
     ]
+    if not used.any():
+        xy = vehicle_feet(calibration)
     uprights, curves = _uprights(axes, camera, xy, calibration.person_height_m)
     people = _people(
         axes,
@@ -136,7 +138,29 @@ def _geometry(axes: Axes, calibration: Calibration, camera: Camera) -> list[Any]
     grid = [] if area is None else _grid(axes, camera, area, curves)
     horizon = _horizon(axes, camera, calibration.covariance)
     regions = regions_in_picture(axes, calibration)
-    return [*people, *uprights, *horizon, *_ticks(axes, camera), *grid, *regions]
+    vehicles = _vehicles(axes, calibration)
+    return [*people, *uprights, *vehicles, *horizon, *_ticks(axes, camera), *grid, *regions]
+
+
+def vehicle_feet(calibration: Calibration) -> Float[np.ndarray, "n 2"]:
+    """Ground points (m) under the near ends of the vehicles that were used."""
+    if calibration.camera is None or calibration.vehicles is None:
+        return np.empty((0, 2))
+    return calibration.camera.locate(calibration.vehicles.box_foot_uv)[0]
+
+
+def _vehicles(axes: Axes, calibration: Calibration) -> list[Any]:
+    """The boxes of vehicles that were used, one of each: its largest."""
+    found = calibration.vehicles
+    if found is None or not len(found):
+        return []
+    area = (found.box_xyxy[:, 2:] - found.box_xyxy[:, :2]).prod(axis=1)
+    order = np.lexsort([-area, found.track])
+    chosen = order[np.unique(found.track[order], return_index=True)[1]]
+    x1, y1, x2, y2 = found.box_xyxy[chosen].T
+    outlines = np.stack([[x1, y1], [x2, y1], [x2, y2], [x1, y2], [x1, y1]]).transpose(2, 0, 1)
+    axes.add_collection(LineCollection(list(outlines), colors=style.INLIER, linewidths=1.0))
+    return [Line2D([], [], color=style.INLIER, lw=1.0, label="vehicle: its box")]
 
 
 def people_of(calibration: Calibration) -> tuple[Segments, Bool[np.ndarray, "n"]]:

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from scene4d.core.camera import Camera
-from scene4d.tracking._vehicle_shapes import VehicleShape
+from scene4d.core.vehicle_shapes import VehicleShape
 
 _ITERATIONS = 7
 """Steps of Levenberg-Marquardt. Chosen by hand."""

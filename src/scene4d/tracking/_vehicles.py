@@ -14,8 +14,8 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
+from scene4d.core.vehicle_shapes import SHAPES
 from scene4d.tracking._vehicle_fit import Bells, Boxes, Fits, fit
-from scene4d.tracking._vehicle_shapes import SHAPES
 
 _BELLS = 8
 """Starting headings of the fit, 22.5 degrees apart over half a turn. Chosen by hand;

@@ -121,6 +121,9 @@ def _provenance(calibration: Calibration, source_name: str) -> list[tuple[str, s
     if calibration and calibration.people:
         share = f"{calibration.inliers / calibration.people:.0%}"
         rows.append(("Inliers", f"{number(float(calibration.inliers), 0)} ({share})"))
+    if calibration.vehicles is not None:
+        of = f"{calibration.vehicle_count}, {len(calibration.vehicles)} sightings"
+        rows.append(("Vehicles used", of))
     rows.append(("Method", calibration.method))
     rows.append(("Assumed mean height", f"{calibration.person_height_m:.2f} m"))
     made = calibration.made or {}

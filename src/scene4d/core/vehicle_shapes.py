@@ -24,12 +24,13 @@ class VehicleShape:
     ``size_m`` is the typical (length, width, height) of the upright cuboid around a vehicle,
     ``log_covariance`` the covariance of their logarithms. ``points`` are outline points as
     fractions of the cuboid: along and across from -0.5 to 0.5, up from 0 to 1; front and back are
-    symmetric.
+    symmetric. ``headed`` is the outline where the front is known to be at +0.5 along.
     """
 
     size_m: Float[np.ndarray, "3"]
     log_covariance: Float[np.ndarray, "3 3"]
     points: Float[np.ndarray, "k 3"]
+    headed: Float[np.ndarray, "m 3"]
 
 
 def _mirrored(*corners: tuple[float, float, float]) -> np.ndarray:
@@ -54,6 +55,23 @@ _CAR = _mirrored(
     (0.30, 0.46, 0.0), (0.49, 0.32, 0.13), (0.43, 0.5, 0.4), (0.5, 0.34, 0.5), (0.31, 0.37, 1.0)
 )
 _BOXY = _mirrored((0.32, 0.46, 0.0), (0.5, 0.46, 0.12), (0.48, 0.5, 0.4), (0.48, 0.47, 1.0))
+# With the front known: the bonnet is longer than the boot, so that the windscreen ends a tenth of
+# the length before the middle and the roof a third behind it, both a little below its top; in plan
+# the body narrows from the wheels to the bumpers. Read off drawings of hatchbacks and saloons, by
+# hand.
+_HEADED_CAR = np.concatenate(
+    [
+        _mirrored((0.30, 0.46, 0.0), (0.49, 0.32, 0.13), (0.28, 0.5, 0.45), (0.43, 0.455, 0.4)),
+        [
+            (along, side * across, up)
+            for along, across, up in (
+                (0.5, 0.34, 0.45), (-0.49, 0.36, 0.58), (0.10, 0.33, 0.97), (-0.05, 0.36, 1.0),
+                (-0.33, 0.34, 0.95),
+            )
+            for side in (-1, 1)
+        ],
+    ]
+)  # fmt: skip
 # Tyres touch the ground, wheels are the ends, handlebars are the widest and nearly the highest.
 _TWO_WHEELS = _mirrored((0.32, 0.0, 0.0), (0.5, 0.0, 0.3), (0.25, 0.5, 0.9), (0.25, 0.0, 1.0))
 
@@ -61,7 +79,8 @@ _TWO_WHEELS = _mirrored((0.32, 0.0, 0.0), (0.5, 0.0, 0.3), (0.25, 0.5, 0.9), (0.
 def _shape(
     size_m: tuple[float, float, float], spread: tuple[float, float, float], points: np.ndarray
 ) -> VehicleShape:
-    return VehicleShape(np.array(size_m), _covariance(spread), points)
+    headed = _HEADED_CAR if points is _CAR else points
+    return VehicleShape(np.array(size_m), _covariance(spread), points, headed)
 
 
 SHAPES: dict[str, VehicleShape] = {
