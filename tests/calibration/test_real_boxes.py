@@ -51,10 +51,12 @@ def walked(camera: Camera, foot_uv: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("name", "error", "height"), [("PETS2009-S2L1.xml", 0.35, 0.04), ("frcnn_det.txt", 0.7, 0.12)]
+    ("name", "error", "height"), [("PETS2009-S2L1.xml", 0.35, 0.04), ("frcnn_det.txt", 0.5, 0.12)]
 )
 def test_pets_boxes_with_the_true_lens(shared_data, name, error, height):
-    """Measured: 0.25 m with hand-drawn boxes, 0.59 m with a detector's (which are loose)."""
+    """Measured: 0.25 m with hand-drawn boxes, 0.27 m with a detector's (which are loose). Their
+    drift must not pass for a second level of the ground (it did, 1.08 m).
+    """
     folder, size = shared_data / "pets2009", (768, 576)
     camera = read_camera(folder / "View_001.xml")
     drawn = boxes(folder / "PETS2009-S2L1.xml", size)
@@ -68,6 +70,7 @@ def test_pets_boxes_with_the_true_lens(shared_data, name, error, height):
     assert found.camera.height_m == pytest.approx(camera.height_m, rel=height)
     assert found.camera.tilt_rad == pytest.approx(camera.tilt_rad, abs=np.radians(1.2))
     assert found.camera.roll_rad == pytest.approx(camera.roll_rad, abs=np.radians(2.0))
+    assert not found.ground_regions
     # Its own prediction is honest about the ground.
     assert error_m(camera, found.camera, xy) < 2 * found.ground_error_m["median"]
     alone = solve_points(people, image_size=size)
