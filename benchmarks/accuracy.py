@@ -2,8 +2,8 @@
 
     python -m benchmarks.accuracy [--data DIR] [--write]
 
-DIR holds pets2009/, towncentre/ and footage/ (by default $SCENE4D_DATA or ../shared/data). With --write the
-table replaces what stands between the markers in docs/accuracy.md, and its main rows those in
+DIR holds pets2009/, towncentre/ and footage/ (by default $SCENE4D_DATA or ../shared/data). With --write
+the table replaces what stands between the markers in docs/accuracy.md, and its main rows those in
 README.md.
 """
 
@@ -46,12 +46,14 @@ class Row:
         error = self.reference.score(camera, undistorted=self.undistorted)
         predicted = self.reference.predicted_m(self.result, undistorted=self.undistorted)
         near = self.reference.near(self.result, undistorted=self.undistorted).to_dict()
+        shares = near["auc"], near["auc_within_two_tau"]
+        auc = "" if None in shares else "{:.4f} ({:.3f})".format(*shares)
         return [
             self.case,
             self.given,
             f"**{error.mean_m:.2f} ± {error.sd_m:.2f} m**",
             f"{predicted:.2f} m",
-            f"{near['auc']:.4f} ({near['auc_within_two_tau']:.3f})",
+            auc,
             f"{camera.focal_px:.0f} ({true.focal_px:.0f})",
             f"{np.degrees(camera.tilt_rad):.1f}° ({np.degrees(true.tilt_rad):.1f}°)",
             f"{camera.height_m:.2f} m ({true.height_m:.2f} m)",

@@ -56,7 +56,8 @@ EXPECTED = [
 @pytest.mark.parametrize(("n", "view", "seeds", "expected"), EXPECTED)
 def test_errors_are_of_the_size_that_the_noise_explains(n, view, seeds, expected):
     found = trials(n, seeds, **view)
-    assert len(found.refused) <= 0.1 * seeds, found.refused
+    # Of five people several cameras may be nearly as likely.
+    assert len(found.refused) <= (0.2 if n < 10 else 0.1) * seeds, found.refused
     median = np.median(np.abs(found.error), axis=0)
     measured = np.array([median[0], np.degrees(median[1]), median[3], np.median(found.ground_m)])
     ratio = measured / expected

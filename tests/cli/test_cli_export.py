@@ -52,7 +52,7 @@ def test_a_camera_that_could_not_be_read_back_is_not_written(run, tmp_path, foca
 
 def test_a_calibration_keeps_its_covariance(run, scene, tmp_path):
     """W6."""
-    out, covariance = tmp_path / "again.json", 1e-4 * np.eye(5)
+    out, covariance = tmp_path / "again.json", 1e-4 * np.eye(7)
     made = Calibration.of_camera(Camera.load(scene["lens"]))
     replace(made, method="joint", covariance=covariance).save(scene["lens"])
     assert run("export", scene["lens"], "--to", "json", "--out", out).exit_code == 0

@@ -41,7 +41,7 @@ def published(tilt_deg=23.0, roll_deg=0.4, height_m=8.5, **more) -> Calibration:
 def sigmas(found: Calibration) -> tuple[float, float, float]:
     """Of roll, tilt (rad) and height (m)."""
     assert found.camera is not None
-    _, tilt, roll, height, _ = np.sqrt(np.diag(found.parameter_covariance))
+    _, tilt, roll, height, *_ = np.sqrt(np.diag(found.parameter_covariance))
     return roll, tilt, height * found.camera.height_m
 
 
@@ -100,7 +100,7 @@ def test_focal_length_and_lens_are_the_published_ones(ground):
     assert found.image_size == SIZE
 
 
-@pytest.mark.parametrize(("people", "low", "high"), [(2, 25.0, 27.0), (PEOPLE, 21.5, 23.0)])
+@pytest.mark.parametrize(("people", "low", "high"), [(2, 25.0, 27.0), (PEOPLE, 21.0, 25.0)])
 def test_the_published_tilt_is_believed_until_enough_people_say_otherwise(people, low, high):
     """22° in truth, and published as 27°."""
     annotated = clip(camera(tilt_deg=22.0), people=people)

@@ -180,7 +180,7 @@ def test_what_was_held_fixed_has_no_slope():
     assert (jacobian[:, :, [1, 3, 4]] == 0).all()
     assert (np.abs(jacobian[:, :, [0, 2]]).max(axis=(0, 1)) > 0).all()
     np.testing.assert_array_equal(held.parameter_covariance, held.covariance)
-    np.testing.assert_array_equal(calibration().parameter_covariance, np.zeros((5, 5)))
+    np.testing.assert_array_equal(calibration().parameter_covariance, np.zeros((7, 7)))
 
 
 def test_without_a_camera_there_are_no_pairs():

@@ -168,7 +168,7 @@ def test_the_factor_says_how_far_pairs_come_apart():
     calibration = known(0.1 * SIGMA)
     uv = np.array([[100.0, 300.0], [500.0, 250.0]])
     factor = factors_at(calibration, CAMERA.locate(uv)[0])
-    drawn = rng.multivariate_normal(np.zeros(5), calibration.covariance, 4000)
+    drawn = rng.multivariate_normal(np.zeros(7), calibration.covariance, 4000)
     apart = []
     for step in drawn:
         xy = CAMERA.disturbed(step).locate(uv)[0]

@@ -87,7 +87,7 @@ def position_weights(
     ``m / (1 + (m - 1) correlation)`` (Kish's design effect).
     """
     places = places_of(foot, length, track)
-    counts = places / (1 + (places - 1) * correlation) / np.bincount(track)
+    counts = places / (1 + (places - 1) * correlation) / np.maximum(np.bincount(track), 1)
     weights: np.ndarray = counts[track]
     return weights
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.spatial import ConvexHull
 
 from scene4d.calibration._level_scan import held
 from scene4d.calibration._levels import Level
@@ -45,6 +44,8 @@ def _frame(image_size: tuple[int, int]) -> Float[np.ndarray, "4 3"]:
 
 def _widened(uv: Float[np.ndarray, "n 2"], reach: float) -> Float[np.ndarray, "k 2"]:
     """The convex hull of circles about points."""
+    from scipy.spatial import ConvexHull  # slow to import, and seldom needed
+
     angle = np.arange(_CORNERS) * 2 * np.pi / _CORNERS
     circle = max(reach, 1.0) * np.column_stack([np.cos(angle), np.sin(angle)])
     points = (uv[:, None] + circle).reshape(-1, 2)
