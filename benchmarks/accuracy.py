@@ -2,9 +2,9 @@
 
     python -m benchmarks.accuracy [--data DIR] [--write]
 
-DIR holds pets2009/, towncentre/ and footage/ (by default $SCENE4D_DATA or ../shared/data). With --write
-the table replaces what stands between the markers in docs/accuracy.md, and its main rows those in
-README.md.
+DIR holds pets2009/, towncentre/ and footage/ (by default $SCENE4D_DATA or ../shared/data). With
+--write the table replaces what stands between the markers in docs/accuracy.md, and its main rows
+those in README.md.
 """
 
 import argparse

@@ -84,7 +84,7 @@ def leaning(scene: Scene, rng: np.random.Generator) -> Segments:
 
 def test_leans_that_everybody_shares_are_in_the_stated_uncertainty():
     z = []
-    for seed in SEEDS:
+    for seed in SEEDS[:14]:
         scene = draw_scene(seed, PEOPLE, tilt_deg=25.0, height_m=6.0, fov_deg=60.0)
         people = leaning(scene, np.random.default_rng(2000 + seed))
         options = CalibrateOptions(lens=scene.camera.lens, orientation="people", lines=False)
