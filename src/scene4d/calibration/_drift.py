@@ -28,9 +28,9 @@ _SIGMA = np.array([0.06, 0.03, 0.06, 0.12, 0.012])
 With the true cameras g of boxes is -0.05, -0.03 and -0.07 for three kinds of PETS 2009 and 0.03 for
 TownCentre, a -0.02 to -0.04, b -0.04 to 0.1. Between half and twice these values the errors on both
 cameras change by less than 0.2 m where the lens is known. For keypoints on five cameras (PETS, two
-cuts of TownCentre, two laboratory cameras) s is 0.20, 0.01, -0.10, -0.13 and 0.06, and o is -0.5,
-1.0, 0.2, -1.1 and -2.6 degrees, the last two of five people each; within tracks g is -0.03 to 0.07
-where tracks are long (`python -m benchmarks.coverage --drift`)."""
+cuts of TownCentre, two laboratory cameras) s is -0.08, -0.01, -0.07, 0.13 and 0.08, and o is -0.2,
+0.8, 0.3, 0.8 and -2.2 degrees, the last two of five people each; within tracks g is 0.06, 0.21,
+-0.03, -0.01 and 0.07 (`python -m benchmarks.shared_errors`)."""
 
 
 @dataclass(frozen=True, eq=False)
