@@ -1,6 +1,6 @@
 """One calibration: what was seen, how it maps into the solver's frame, and what comes out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -150,6 +150,11 @@ def _median_and_p90(sigma_m: np.ndarray) -> dict[str, float]:
         return {"median": np.inf, "p90": np.inf}
     median, p90 = np.quantile(sigma_m, [0.5, 0.9])
     return {"median": float(median), "p90": float(p90)}
+
+
+def saying(found: Calibration, *texts: str) -> Calibration:
+    """The calibration with further warnings."""
+    return replace(found, warnings=(*found.warnings, *texts))
 
 
 def different_people(segments: Segments) -> int:

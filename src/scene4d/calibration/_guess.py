@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.calibration import _verdict as verdict
+from scene4d.calibration._case import saying
 from scene4d.calibration._prior import default_prior
 from scene4d.calibration._solve import solve_segments
 from scene4d.calibration.options import CalibrateOptions
@@ -53,7 +54,7 @@ def solve_guided(
         believed = reading.most_frequent if paper else reading.orientation
         found = solve(replace(options, orientation=believed), guessed=True)
         text = contradicted(alone, believed)
-        return _saying(found, f"{text} The reading was kept.") if text else found
+        return saying(found, f"{text} The reading was kept.") if text else found
     stated = reading.orientation
     text = contradicted(alone, stated)
     if text:
@@ -66,8 +67,8 @@ def solve_guided(
         return found or alone
     text = contradicted(found, stated)
     if text:  # not even together do they make a camera
-        return _saying(alone, f"{text} The reading was left out.")
-    return _saying(
+        return saying(alone, f"{text} The reading was left out.")
+    return saying(
         found,
         "The people alone do not determine this camera; it also uses the orientation "
         f"network's estimate, which is a guess: {_words(stated)}.",
@@ -78,7 +79,7 @@ def _without(alone: Calibration, text: str) -> Calibration:
     """The camera from people alone, against the network; a refusal if few people agree."""
     share = alone.inliers / max(alone.people, 1)
     if share >= verdict.FEW_INLIERS:
-        return _saying(alone, f"{text} The reading was left out.")
+        return saying(alone, f"{text} The reading was left out.")
     return replace(
         alone,
         status="undetermined",
@@ -122,10 +123,6 @@ def as_guess(stated: Orientation) -> Orientation | None:
         tilt_sigma_rad=tilt,
         roll_sigma_rad=roll,
     )
-
-
-def _saying(found: Calibration, text: str) -> Calibration:
-    return replace(found, warnings=(*found.warnings, text))
 
 
 def _words(told: Orientation) -> str:

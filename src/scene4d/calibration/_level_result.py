@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool
 
+from scene4d.calibration._case import saying
 from scene4d.calibration._level_region import ground_regions
 from scene4d.calibration._levels import Level
 from scene4d.core.calibration import Calibration
@@ -18,7 +19,7 @@ def with_level(
         return found
     if not level.believed:
         shorter = 1 - found.camera.height_m / (found.camera.height_m - level.height_m)
-        return _saying(found, _undecided(level, shorter))
+        return saying(found, _undecided(level, shorter))
     assert found.segments is not None and found.inlier is not None
     segments = found.segments.select(usable)
     regions = ground_regions(
@@ -28,11 +29,7 @@ def with_level(
         found.inlier[usable] & level.inside,
         found.image_size,
     )
-    return _saying(replace(found, ground_regions=regions), _believed(level))
-
-
-def _saying(found: Calibration, text: str) -> Calibration:
-    return replace(found, warnings=(*found.warnings, text))
+    return saying(replace(found, ground_regions=regions), _believed(level))
 
 
 def _believed(level: Level) -> str:

@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 
 from scene4d.calibration import _verdict as verdict
 from scene4d.calibration._body import FOCAL, HEIGHT, Points
-from scene4d.calibration._case import Case, ImageFrame, different_people, ground_errors
+from scene4d.calibration._case import Case, ImageFrame, different_people, ground_errors, saying
 from scene4d.calibration._doubts import Doubts, doubts
 from scene4d.calibration._drift import Drift
 from scene4d.calibration._joint import TRACK_CORRELATION, places_of, position_weights, solve
@@ -149,7 +149,7 @@ def solve_segments(
         problem, state = level.problem, level.state
     found = with_level(_judged(case, problem, state, traffic), level, usable)
     if found and problem.points.fisheye:
-        found = replace(found, warnings=(*found.warnings, verdict.FISHEYE_FOUND))
+        found = saying(found, verdict.FISHEYE_FOUND)
     return _with_contradictions(case, found, guessed, vehicles)
 
 
@@ -165,7 +165,7 @@ def _with_contradictions(
 ) -> Calibration:
     if not found or guessed:
         return found
-    return replace(found, warnings=(*found.warnings, *_contradictions(case, vehicles)))
+    return saying(found, *_contradictions(case, vehicles))
 
 
 def _prior(case: Case, *, of_middle: bool) -> Prior:

@@ -8,6 +8,8 @@ from jaxtyping import Float
 
 from scene4d.calibration._body import N_PARAMETERS, Points
 from scene4d.calibration._refine import (
+    Linearisation,
+    NormalEquations,
     Problem,
     State,
     linearise,
@@ -18,8 +20,6 @@ from scene4d.calibration._refine import (
 _OUTLIER_LEAK = 0.03
 """Bias of length (and of length against distance) for a share 1 of shortened people: those cut by
 little pass for people. Read off synthetic scenes with 10 to 40 % of them (tests/calibration)."""
-
-
 _GROUPS = 40
 """More tracks than this are left out in groups: so many tell a standard deviation to a ninth."""
 _MODEL_TRACKS = 5.0
@@ -34,7 +34,8 @@ def covariance(problem: Problem, state: State) -> Float[np.ndarray, "7 7"]:
     mixture of people and outliers leaves; then what :func:`_shared` effects add. Fixed parameters
     have zero rows.
     """
-    inverse = _inverse_hessian(problem, state)
+    lin = linearise(problem, state)
+    inverse = _inverse_hessian(problem, state, lin)
     leak = _OUTLIER_LEAK * state.noise.short
     effects = [
         Systematic("outliers taken for people: size", leak, _growing),
@@ -44,8 +45,10 @@ def covariance(problem: Problem, state: State) -> Float[np.ndarray, "7 7"]:
     own = inverse[:N_PARAMETERS, :N_PARAMETERS]
     if len(problem.track) == 0:
         return own
-    scatter = _beyond_the_model(problem, state, inverse)
-    return own + scatter + _shared(problem, state, inverse, effects) + _of_rivals(state)
+    system = normal_equations(problem, state, lin)
+    scatter = _beyond_the_model(problem, lin, system, inverse)
+    shared = _shared(problem, state, system.gradient, inverse, effects)
+    return own + scatter + shared + _of_rivals(state)
 
 
 def _of_rivals(state: State) -> Float[np.ndarray, "7 7"]:
@@ -72,11 +75,11 @@ def most_probable(problem: Problem, state: State) -> Float[np.ndarray, "7"]:
 
 def data_covariance(problem: Problem, state: State) -> Float[np.ndarray, "7 7"]:
     """The part of :func:`covariance` that the cost at ``state`` tells."""
-    return _inverse_hessian(problem, state)[:N_PARAMETERS, :N_PARAMETERS]
+    inverse = _inverse_hessian(problem, state, linearise(problem, state))
+    return inverse[:N_PARAMETERS, :N_PARAMETERS]
 
 
-def _inverse_hessian(problem: Problem, state: State) -> np.ndarray:
-    lin = linearise(problem, state)
+def _inverse_hessian(problem: Problem, state: State, lin: Linearisation) -> np.ndarray:
     lin = replace(lin, weight=observed_weights(problem, lin))
     hessian = normal_equations(problem, state, lin).hessian
     free = problem.free
@@ -86,7 +89,10 @@ def _inverse_hessian(problem: Problem, state: State) -> np.ndarray:
 
 
 def _beyond_the_model(
-    problem: Problem, state: State, inverse: Float[np.ndarray, "13 13"]
+    problem: Problem,
+    lin: Linearisation,
+    system: NormalEquations,
+    inverse: Float[np.ndarray, "13 13"],
 ) -> Float[np.ndarray, "7 7"]:
     """Variance that a jackknife over tracks shows beyond that of independent errors.
 
@@ -97,7 +103,7 @@ def _beyond_the_model(
     direction by direction; a few tracks tell a variance badly, so the model counts as
     :data:`_MODEL_TRACKS` of them (the mean of an inverse Wishart posterior). It never narrows.
     """
-    gradient, information = _of_tracks(problem, state)
+    gradient, information = _of_tracks(problem, lin, system)
     count = len(gradient)
     if count < 2:
         return np.zeros((N_PARAMETERS, N_PARAMETERS))
@@ -122,20 +128,19 @@ def _beyond_the_model(
     return total[:N_PARAMETERS, :N_PARAMETERS]
 
 
-def _of_tracks(problem: Problem, state: State) -> tuple[np.ndarray, np.ndarray]:
+def _of_tracks(
+    problem: Problem, lin: Linearisation, system: NormalEquations
+) -> tuple[np.ndarray, np.ndarray]:
     """Gradient (t, p) and normal matrix (t, p, p) by the free parameters of every track, or group
     of tracks, with its own height eliminated.
     """
-    lin = linearise(problem, state)
-    group = problem.track % _GROUPS
-    group = np.unique(group, return_inverse=True)[1]
+    group = np.unique(problem.track % _GROUPS, return_inverse=True)[1]
     count, p = int(group.max(initial=-1)) + 1, len(problem.of_people)
     by = lin.by_parameter
     gradient = np.zeros((count, p))
     np.add.at(gradient, group, (by * lin.force).sum(axis=1).T)
     information = np.zeros((count, p, p))
     np.add.at(information, group, np.einsum("pan,an,qan->npq", by, lin.weight, by))
-    system = normal_equations(problem, state, lin)
     if problem.n_heights:
         owner = np.zeros(problem.n_heights, int)
         owner[problem.person] = group[problem.tracked]
@@ -180,15 +185,18 @@ def _growing(points: Points, amount: float) -> Points:
 
 
 def _shared(
-    problem: Problem, state: State, inverse: np.ndarray, effects: list[Systematic]
+    problem: Problem,
+    state: State,
+    here: np.ndarray,
+    inverse: np.ndarray,
+    effects: list[Systematic],
 ) -> np.ndarray:
     """What shared effects add to the covariance (Schmidt's consider covariance).
 
-    Each effect b moves the minimum by ``-A⁻¹ ∂g/∂b``; the gradient's change is taken by a
-    difference quotient over the disturbed points.
+    ``here`` is the gradient without them. Each effect b moves the minimum by ``-A⁻¹ ∂g/∂b``; the
+    gradient's change is taken by a difference quotient over the disturbed points.
     """
     total = np.zeros((N_PARAMETERS, N_PARAMETERS))
-    here = _gradient(problem, state)
     for effect in effects:
         if effect.sigma == 0:
             continue

@@ -72,8 +72,9 @@ def landmark_starts(term: LandmarkTerm, prior: Prior) -> Float[np.ndarray, "m 7"
 
     For each orientation of the solver's grid, landmarks tell the height in closed form.
     """
-    grid = np.tile(prior.mean, (len(orientation_grid(prior)), 1))
-    grid[:, :3] = orientation_grid(prior)
+    orientations = orientation_grid(prior)
+    grid = np.tile(prior.mean, (len(orientations), 1))
+    grid[:, :3] = orientations
     told = term.log_heights(grid[:, :3], prior.mean[CORNER])
     known = np.isfinite(told).sum(axis=1)
     level = np.sort(told, axis=1)[np.arange(len(grid)), np.maximum(known - 1, 0) // 2]
