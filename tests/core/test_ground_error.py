@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 from scene4d.core import geometry
 from scene4d.core.calibration import Calibration
-from scene4d.core.camera import Camera
+from scene4d.core.camera import Camera, Lens
 from scene4d.core.errors import InputError
+from scene4d.core.ground_regions import GroundRegion
 from scene4d.core.people import Segments
 from strategies import build_camera, build_lens, cameras, lenses, people_scene
 
@@ -70,6 +71,44 @@ def test_the_corner_moves_by_the_fraction_of_its_radius(log_f):
     np.testing.assert_allclose(
         other.distort(at_corner_radius)[0] - centre, 0.96 * (at_corner_radius - centre), atol=1e-9
     )
+
+
+TURNED = CAMERA.R @ np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+SKEWED = np.array([[900.0, 3, 600], [0, 870, 380], [0, 0, 1]])
+HALF = SKEWED * [[0.5, 0.5, 1], [1, 0.5, 1], [1, 1, 1]]
+LENSES = {
+    "straight": Lens((1280, 720), SKEWED),
+    "barrel and off centre": Lens((1280, 720), SKEWED, np.array([-0.2, 0.05, 3e-3, -2e-3, 0.01])),
+    "fisheye": Lens((1280, 720), HALF, np.zeros(4), distortion_model="fisheye"),
+    "bent fisheye": Lens(
+        (1280, 720), HALF, np.array([-0.02, 0.01, 3e-3, -2e-3]), distortion_model="fisheye"
+    ),
+}
+
+
+@pytest.mark.parametrize("lens", LENSES.values(), ids=LENSES)
+def test_derivatives_are_those_of_disturbed_cameras(lens):
+    """Against Richardson's extrapolation of central differences, which errs by 1e-9."""
+    camera = lens.posed(TURNED, -TURNED @ np.array([3.0, -2.0, 5.0]))
+    uv = np.vstack([np.random.default_rng(0).uniform((0, 200), (1280, 720), (40, 2)), HALF[:2, 2]])
+    step = GroundRegion(np.array([[0.0, 500], [1280, 500], [640, 900]]), 0.7, 0.0)
+    found = calibration(np.ones(7), camera, ground_regions=(step,))
+    xy, jacobian, valid = found.ground_jacobian(uv)
+    valid &= np.hypot(*(xy - camera.centre_m[:2]).T) < 60
+    assert valid.sum() > 30
+    height_m = found.ground_height_m(uv)[0]
+    assert height_m[valid].any()
+
+    def difference(way):
+        ends = [camera.disturbed(sign * way).locate(uv, height_m)[0] for sign in (1, -1)]
+        return (ends[0] - ends[1])[valid] / 2
+
+    for index, axis in enumerate(np.eye(7)):
+        coarse, fine = difference(2e-4 * axis) / 2e-4, difference(1e-4 * axis) / 1e-4
+        expected = (4 * fine - coarse) / 3
+        np.testing.assert_allclose(
+            jacobian[valid, :, index], expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max()
+        )
 
 
 def test_an_uncertain_height_scales_the_ground():

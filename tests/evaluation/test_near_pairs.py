@@ -143,14 +143,13 @@ def test_what_is_above_the_horizon_is_infinitely_far():
     assert (found.sigma_m[~gone] > 0).all()
 
 
-def test_on_the_edge_of_the_horizon_nothing_is_claimed():
-    """Nearer to the horizon than the step of the derivative: no position, no slope, invalid."""
+def test_above_the_horizon_nothing_is_claimed():
+    """No position, no slope, invalid."""
     camera = build_camera(build_lens((1280, 720), 60.0), 10.0, 0.0, 6.0)
-    below_rad = np.array([5e-6, 1e-3])
+    below_rad = np.array([-5e-6, 1e-3])
     v = camera.K[1, 2] - camera.focal_px * np.tan(np.radians(10.0) - below_rad)
     found = calibration(camera, np.diag(np.square(SPREADS)))
     xy, jacobian, valid = found.ground_jacobian(np.column_stack([[640.0, 640.0], v]))
-    assert camera.locate(np.array([[640.0, v[0]]]))[1].all()
     np.testing.assert_array_equal(valid, [False, True])
     np.testing.assert_array_equal(np.isnan(xy).all(axis=1), [True, False])
     np.testing.assert_array_equal(np.isnan(jacobian).all(axis=(1, 2)), [True, False])
@@ -172,15 +171,6 @@ def test_the_jacobian_is_that_of_the_formulas():
     slope = np.sin(off_axis) * np.cos(off_axis) * (36 + y**2) / 6
     np.testing.assert_allclose(jacobian[:, 1, 0], slope, rtol=1e-6)
     np.testing.assert_allclose(jacobian[:, 0, [0, 1, 3]], 0, atol=1e-6)
-
-
-def test_what_was_held_fixed_has_no_slope():
-    held = calibration(covariance=np.diag([1e-4, 0, 1e-4, 0, 0]))
-    _, jacobian, _ = held.ground_jacobian(PEOPLE)
-    assert (jacobian[:, :, [1, 3, 4]] == 0).all()
-    assert (np.abs(jacobian[:, :, [0, 2]]).max(axis=(0, 1)) > 0).all()
-    np.testing.assert_array_equal(held.parameter_covariance, held.covariance)
-    np.testing.assert_array_equal(calibration().parameter_covariance, np.zeros((7, 7)))
 
 
 def test_without_a_camera_there_are_no_pairs():

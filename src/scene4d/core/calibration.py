@@ -13,7 +13,12 @@ from scene4d.core._calibration_fields import (
     texts,
     uncertainty,
 )
-from scene4d.core._ground_error import common_motion, propagated, rigid_motions
+from scene4d.core._ground_error import (
+    common_motion,
+    ground_jacobian,
+    propagated,
+    rigid_motions,
+)
 from scene4d.core._ground_error import sigma_m as _sigma_m
 from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.camera import SCHEMA, SCHEMAS, Camera
@@ -41,9 +46,6 @@ the principal point known."""
 _FIRST = 5
 GIVEN = "given"
 """The method of a camera that was not calibrated by scene4d."""
-_STEP = 1e-5
-"""Half width of the central differences, in units of the parameters (radians, shares): rounding
-(about 1e-11 relative) and curvature (1e-10) errors are both far below the accuracy needed."""
 _FEET = 200
 """Number of feet that define the scene's location. Chosen: more change no digit that is shown."""
 _ERRORS = ("ground_error_m", "ground_error_from_camera_m")
@@ -274,31 +276,7 @@ class Calibration:
         derivatives with respect to :data:`PARAMETERS`, and validity; NaN at and above the horizon.
         Raises :class:`InputError` without a camera.
         """
-        camera, height_m = self._camera(), self.ground_height_m(uv)[0]
-        xy, valid = camera.locate(uv, height_m)
-        known = (
-            np.ones(len(PARAMETERS), bool)
-            if self.covariance is None
-            else np.diag(self.covariance) == 0
-        )
-        columns = []
-        for index in range(len(PARAMETERS)):
-            if known[index]:
-                columns.append(np.zeros_like(xy))
-                continue
-            ends = []
-            for sign in (-1, 1):
-                step = np.zeros(len(PARAMETERS))
-                step[index] = sign * _STEP
-                other = camera.disturbed(step)
-                there, ok = other.locate(uv, height_m)
-                valid &= ok
-                ends.append(there)
-            columns.append((ends[1] - ends[0]) / (2 * _STEP))
-        jacobian = np.stack(columns, axis=-1)
-        xy[~valid] = np.nan
-        jacobian[~valid] = np.nan
-        return xy, jacobian, valid
+        return ground_jacobian(self._camera(), uv, self.ground_height_m(uv)[0])
 
     def ground_sigma_m(
         self, uv: PointsLike, *, from_camera: bool = False, undistorted: bool = False

@@ -7,6 +7,7 @@ from scene4d.core.geometry.distortion import (
     distort_fisheye,
     opencv_from_tsai,
     refocused,
+    straightening_slopes,
     undistort,
     undistort_fisheye,
 )
@@ -51,6 +52,7 @@ __all__ = [
     "rotation_from_quaternion",
     "rotation_from_tilt_roll",
     "rotation_vector",
+    "straightening_slopes",
     "tilt_roll_from_rotation",
     "undistort",
     "undistort_fisheye",

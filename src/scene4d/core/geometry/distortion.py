@@ -126,13 +126,14 @@ def _inverse(
         if not short.any():
             break
         high = np.where(short, np.minimum(2 * high, top), high)
-    r = high
+    r, step = np.minimum(target, high), high  # most lenses bend by little
     for _ in range(_ITERATIONS):
         value, slope = curve(r)
         far = value > target
         low, high = np.where(far, low, r), np.where(far, r, high)
         newton = r - (value - target) / slope
-        inside = (newton > low) & (newton < high)
+        inside = (newton > low - _TOLERANCE) & (newton < high + _TOLERANCE)
+        inside &= np.abs(newton - r) <= np.maximum(np.abs(step) / 2, _TOLERANCE)  # no creeping
         step = np.where(inside, newton, (low + high) / 2) - r
         r = r + step
         if not np.any(np.abs(step) > _TOLERANCE):
@@ -157,7 +158,7 @@ def undistort(
         r_d = np.hypot(target[:, 0], target[:, 1])
         gain = _radial_inverse(r_d, distortion, fold) / r_d
         xy = target * np.where(r_d > 0, gain, 1.0)[:, None]
-        for _ in range(_ITERATIONS):
+        for _ in range(_ITERATIONS if distortion[2:4].any() else 0):  # else xy is the answer
             value, j = _distort_normalised(xy, distortion)
             gap = value - target
             det = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
@@ -217,6 +218,39 @@ def _fisheye_curve(angle_rad: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np
 def _fisheye_reach_rad(d: np.ndarray) -> float:
     """Angle from the axis up to which a fisheye curve grows, at most 90°."""
     return min(_first_fold(np.array([3, 5, 7, 9]) * d), np.pi / 2)
+
+
+def straightening_slopes(
+    xy: Float[np.ndarray, "n 2"], distortion: Float[np.ndarray, "k"]
+) -> Float[np.ndarray, "4 2 n"]:
+    """Derivatives of undistorted points ``xy``, in focal lengths, that the lens shows at fixed
+    places: by the two coordinates of these places, by the first coefficient, and by log f at
+    :func:`refocused` coefficients (the three other lengths stay as they are).
+
+    They follow from those of the distortion, which is the inverse map. Points have to be valid.
+    """
+    x, y = xy.T
+    r2 = x * x + y * y
+    if len(distortion) == 5:
+        forward = _distort_normalised(xy, distortion)[1].T
+        growth, shrinking = r2, np.ones_like(r2)
+    else:
+        r = np.sqrt(r2)
+        near = r < 1e-6  # where the limits at the principal point hold to rounding
+        safe = np.where(near, 1.0, r)
+        angle = np.arctan(r)
+        value, slope = _fisheye_curve(angle, distortion)
+        gain, along = np.where(near, 1.0, value / safe), slope / (1 + r2)
+        bend = np.where(near, 0.0, (along - gain) / safe**2)
+        forward = np.array(
+            [[gain + bend * x * x, bend * x * y], [bend * x * y, gain + bend * y * y]]
+        )
+        growth = np.where(near, 0.0, angle**3 / safe)
+        shrinking = np.where(near, 1.0, angle * (1 + r2) / safe)
+    (a, b), (c, d) = forward
+    by_place = np.array([[d, -c], [-b, a]]) / (a * d - b * c)
+    by_first = -growth * (by_place[0] * x + by_place[1] * y)
+    return np.concatenate([by_place, [by_first, -shrinking * xy.T]])
 
 
 def refocused(distortion: Float[np.ndarray, "k"], stretch: float) -> Float[np.ndarray, "k"]:
