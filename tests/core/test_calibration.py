@@ -85,11 +85,13 @@ def test_sigma_is_in_the_units_of_the_file():
     """log f and log C_Z are relative errors; angles go from radians to degrees."""
     found = calibration().sigma
     focal = 640 / np.tan(np.radians(25))
-    assert list(found) == ["focal_px", "tilt_deg", "roll_deg", "height_m"]
+    names = ["focal_px", "tilt_deg", "roll_deg", "height_m", "principal_u_px", "principal_v_px"]
+    assert list(found) == names
     assert found["focal_px"] == pytest.approx(0.02 * focal)
     assert found["tilt_deg"] == pytest.approx(0.01 * 180 / np.pi)
     assert found["roll_deg"] == pytest.approx(0.005 * 180 / np.pi)
     assert found["height_m"] == pytest.approx(0.03 * 5)
+    assert found["principal_u_px"] == found["principal_v_px"] == 0
     assert calibration().to_dict()["sigma"] == found
 
 

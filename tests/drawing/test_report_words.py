@@ -1,11 +1,13 @@
 """Numbers as the report says them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import report_scenes as scenes
 from scene4d.drawing.overlay import _rows_away
-from scene4d.drawing.words import k1_sigma
+from scene4d.drawing.words import k1_sigma, parameter_rows
 
 
 def test_the_spread_of_k1_is_that_of_sampled_cameras():
@@ -22,6 +24,29 @@ def test_the_spread_of_k1_is_that_of_sampled_cameras():
 def test_a_given_lens_has_no_spread():
     covariance = np.diag([0.05**2, 1e-4, 1e-4, 1e-4, 0.0])
     assert k1_sigma(scenes.camera(distortion=(-0.1, 0.0, 0.0, 0.0, 0.0)), covariance) == 0.0
+
+
+def centre_rows(sigma: float, off_px: tuple[float, float]) -> list[tuple[str, str]]:
+    camera = scenes.camera()
+    K = camera.K.copy()
+    K[:2, 2] = 383.5, 287.5
+    K[:2, 2] += off_px
+    covariance = np.diag([1e-4, 1e-4, 1e-4, 1e-4, 0.0, sigma**2, sigma**2])
+    found = scenes.calibration(replace(camera, K=K), covariance=covariance)
+    rows = [row for row in parameter_rows(found) if row.name.startswith("Principal")]
+    return [(row.value.replace("\xa0", " "), row.meaning.replace("\xa0", " ")) for row in rows]
+
+
+def test_the_principal_point_is_shown_with_its_error_or_its_origin():
+    # Half the diagonal of 768x576 is 480 px.
+    assert centre_rows(0.05, (-12.0, 20.0)) == [
+        ("372 ± 24 px", "12 px left of the picture's middle"),
+        ("308 ± 24 px", "20 px below the picture's middle"),
+    ]
+    assert centre_rows(0.0, (-12.0, 20.0)) == [("372, 308 px", "from the lens file")]
+    assert centre_rows(0.0, (0.0, 0.0)) == [
+        ("384, 288 px", "the picture's middle, not estimated"),
+    ]
 
 
 def test_how_far_the_horizon_is_beyond_the_picture():

@@ -141,6 +141,8 @@ class Calibration:
             "Tilt": with_sigma(float(np.degrees(c.tilt_rad)), "tilt_deg", "°", 1),
             "Roll": with_sigma(float(np.degrees(c.roll_rad)), "roll_deg", "°", 1),
             "Height": with_sigma(c.height_m, "height_m", " m", 2),
+            "Principal point, across": with_sigma(c.K[0, 2], "principal_u_px", " px", 0),
+            "Principal point, down": with_sigma(c.K[1, 2], "principal_v_px", " px", 0),
             "Sightings": f"{self.inliers} of {self.people} agree",
         }
         titles = zip(_ERRORS, ("within the scene", "from the camera"), strict=True)
@@ -163,11 +165,14 @@ class Calibration:
         if self.camera is None or self.covariance is None:
             return {}
         s = np.sqrt(np.diag(self.covariance))
+        half_diagonal = np.hypot(*self.image_size) / 2
         return {
             "focal_px": float(self.camera.focal_px * s[0]),
             "tilt_deg": float(np.degrees(s[1])),
             "roll_deg": float(np.degrees(s[2])),
             "height_m": float(self.camera.height_m * s[3]),
+            "principal_u_px": float(half_diagonal * s[5]),
+            "principal_v_px": float(half_diagonal * s[6]),
         }
 
     def ground_covariance(

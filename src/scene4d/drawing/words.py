@@ -120,7 +120,28 @@ def parameter_rows(calibration: Calibration) -> list[Row]:
         _log_row("Focal length", camera.focal_px, s.get("focal_px"), "px", "in footage pixels", 0),
     ]
     rows += _view_rows(camera, C)
-    return rows + _lens_rows(camera, C)
+    return rows + _centre_rows(camera, s) + _lens_rows(camera, C)
+
+
+def _centre_rows(camera: Camera, sigma: dict[str, float]) -> list[Row]:
+    """The principal point: with its error where it was estimated, else where it is from."""
+    width, height = camera.image_size
+    u, v = (float(x) for x in camera.K[:2, 2])
+    off = u - (width - 1) / 2, v - (height - 1) / 2
+    across, down = sigma.get("principal_u_px", 0.0), sigma.get("principal_v_px", 0.0)
+    if not across and not down:
+        middle = bool(np.abs(off).max() < 0.5)
+        meaning = "the picture's middle, not estimated" if middle else "from the lens file"
+        return [Row("Principal point", f"{number(u, 0)}, {number(v, 0)}\u00a0px", "", meaning)]
+    sides = (("left of", "right of"), ("above", "below"))
+    words = [
+        f"{number(abs(x), 0)}\u00a0px {side[x > 0]} the picture's middle"
+        for x, side in zip(off, sides, strict=True)
+    ]
+    return [
+        _row("Principal point, across", u, across, "px", words[0], 0),
+        _row("Principal point, down", v, down, "px", words[1], 0),
+    ]
 
 
 def _lens_rows(camera: Camera, covariance: np.ndarray | None) -> list[Row]:
