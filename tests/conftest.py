@@ -1,4 +1,4 @@
-"""Shapes and types are checked at run time in every test (jaxtyping + beartype).
+"""Shapes and types are checked at run time in every test (type_checks).
 
 In continuous integration (the variable CI is set) a test that is skipped has failed: what was
 meant to be checked was not.
@@ -10,9 +10,10 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from jaxtyping import install_import_hook
 
-install_import_hook("scene4d", "beartype.beartype")
+import type_checks
+
+type_checks.install()
 
 # A busy machine is no failure, and CI judges a change, not its luck: the same examples each time.
 settings.register_profile("here", deadline=None)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scenes import draw_scene, parameters_of, solve_points
-from trials import solve_untyped
 
 from scene4d import solve_camera
 from scene4d.calibration import CalibrateOptions, person_segments, solve_segments
@@ -15,6 +14,7 @@ from scene4d.core.orientation import Orientation
 from scene4d.core.people import Segments
 from scene4d.formats.demo import demo_detections
 from strategies import build_camera, build_lens, people_scene
+from type_checks import unchecked
 
 SIZE = (1280, 720)
 FOOT = np.array([[100.0, 300.0], [320.0, 400.0], [500.0, 450.0], [700.0, 600.0]])
@@ -268,14 +268,15 @@ def test_values_that_are_no_numbers_are_named_by_row(name, bad):
 def test_wrong_shapes_are_named(arguments, message):
     """Without run-time checks of types, as users have it."""
     points = {"foot_uv": FOOT, "head_uv": HEAD, "image_size": SIZE}
-    with pytest.raises(InputError, match=message):
-        solve_untyped(**(points | arguments))
+    with unchecked(), pytest.raises(InputError, match=message):
+        solve_camera(**(points | arguments))
 
 
 def test_lists_will_do():
     scene = draw_scene(3, 20, image_size=SIZE)
     foot, head = scene.people.foot_uv, scene.people.head_uv
-    listed = solve_untyped(foot_uv=foot.tolist(), head_uv=head.tolist(), image_size=SIZE)
+    with unchecked():
+        listed = solve_camera(foot.tolist(), head.tolist(), image_size=SIZE)
     found = solve_camera(foot, head, image_size=SIZE)
     np.testing.assert_allclose(listed.camera.P, found.camera.P, rtol=1e-9)
 

@@ -1,18 +1,13 @@
-"""Many solved scenes of one kind: errors, stated spreads, and errors on the ground.
-
-They are solved in a second process, where types are not checked at run time: a thousand
-calibrations would take four times as long, and every other test checks the types.
-"""
+"""Many solved scenes of one kind: errors, stated spreads, and errors on the ground."""
 
 import functools
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from scenes import correspondence_error, draw_scene, errors_of
 
 from scene4d import solve_camera
+from type_checks import unchecked
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,24 +37,11 @@ class Trials:
 @functools.cache
 def trials(n: int, seeds: int, **view: object) -> Trials:
     """Solve ``draw_scene(seed, n, **view)`` for ``seeds`` seeds."""
-    return _worker().submit(solve_all, n, seeds, view).result()
+    with unchecked():  # a thousand calibrations; every other test checks the types
+        return _solved(n, seeds, view)
 
 
-@functools.cache
-def _worker() -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
-
-
-def solve_untyped(**arguments: object) -> object:
-    """``solve_camera`` as a user meets it, who has no checks of types and shapes."""
-    return _worker().submit(_solve, arguments).result()
-
-
-def _solve(arguments: dict) -> object:
-    return solve_camera(**arguments)
-
-
-def solve_all(n: int, seeds: int, view: dict) -> Trials:
+def _solved(n: int, seeds: int, view: dict) -> Trials:
     error, covariance, ground, predicted, refused = [], [], [], [], []
     for seed in range(seeds):
         scene = draw_scene(seed, n, **view)

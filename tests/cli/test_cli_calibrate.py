@@ -190,7 +190,8 @@ def test_an_undetermined_camera_is_written_with_its_reason(run, known, scene, tm
     assert printed["error"]["kind"] == "undetermined"
     assert found["reason"] in printed["error"]["message"]
     envelope = {name: printed[name] for name in ("schema", "version", "warnings", "error")}
-    assert printed == found | {"out": str(out)} | envelope
+    written = json.loads((out / "camera.json").read_text())
+    assert printed == written | {"out": str(out)} | envelope
 
 
 def test_a_result_takes_the_place_of_an_earlier_one(run, known, scene, tmp_path):

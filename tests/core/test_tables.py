@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from jaxtyping import config
 
+import type_checks
 from scene4d.core.body import COCO17, FOOT_HEIGHT_M, HALPE26
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections, Segments
@@ -15,9 +15,10 @@ NAMES = ("head_top", "feet")
 
 
 @pytest.fixture
-def unchecked(monkeypatch):
-    """As users run it: no run-time check of annotations comes before the tables' own."""
-    monkeypatch.setattr(config, "jaxtyping_disable", True)
+def unchecked():
+    """No run-time check of annotations comes before the tables' own."""
+    with type_checks.unchecked():
+        yield
 
 
 def detections(n: int = 4, start: int = 0, names: tuple[str, ...] = NAMES, **changes) -> Detections:

@@ -1,0 +1,92 @@
+"""A call that does not fit its annotations is noticed, whatever fitted before it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import beartype
+import numpy as np
+import pytest
+from jaxtyping import Float, TypeCheckError
+
+from type_checks import once
+
+checked = once(typechecker=beartype.beartype)
+ONE, TWO = np.zeros(1), np.zeros(2)
+
+
+@checked
+def result_of(given: object, make: Callable) -> Float[np.ndarray, "n 2"]:
+    return make(given)
+
+
+@checked
+def with_a_closure(n: int) -> object:
+    @checked
+    def inner(value: Float[np.ndarray, "2"]) -> int:
+        return len(value) + n
+
+    return inner
+
+
+@checked
+def both(a: Float[np.ndarray, "n"], b: Float[np.ndarray, "n"] | None = None) -> None: ...
+
+
+@checked
+def numbered(rows: Sequence[int], *, word: str = "") -> Sequence[int]:
+    return rows
+
+
+@checked
+@dataclass
+class Row:
+    values: Float[np.ndarray, "2"]
+
+
+@pytest.mark.parametrize(
+    ("call", "right", "wrong"),
+    [
+        (both, (ONE, ONE), (ONE, TWO)),
+        (both, (TWO, None), (TWO, "two")),
+        (both, (TWO, TWO), (TWO, TWO.astype(int))),
+        (numbered, ([1, 2],), (["1", "2"],)),
+        (numbered, ((1, 2),), (("1", "2"),)),
+        (Row, (TWO,), (ONE,)),
+        (with_a_closure(1), (TWO,), (ONE,)),
+    ],
+)
+def test_wrong_arguments_after_right_ones(call, right, wrong):
+    for _ in range(2):
+        call(*right)
+    for _ in range(2):
+        with pytest.raises(TypeCheckError):
+            call(*wrong)
+    call(*right)
+
+
+def test_wrong_results_after_right_ones():
+    results = iter([np.zeros((3, 2)), np.zeros((4, 2)), np.zeros(2), np.zeros((3, 2)), [1.0], None])
+
+    def make(_: object) -> object:
+        return next(results)
+
+    for right in (True, True, False, True, False, False):
+        if right:
+            result_of(1, make)
+        else:
+            with pytest.raises(TypeCheckError):
+                result_of(1, make)
+
+
+def test_a_closure_made_anew_computes_with_what_it_closes_over():
+    assert [with_a_closure(n)(TWO) for n in (1, 2, 3)] == [3, 4, 5]
+    with pytest.raises(TypeCheckError):
+        with_a_closure(4)(ONE)
+
+
+def test_the_package_is_checked():
+    from scene4d.core.geometry import rotation_from_tilt_roll
+
+    rotation_from_tilt_roll(0.1, 0.2)
+    with pytest.raises(TypeCheckError):
+        rotation_from_tilt_roll("0.1", 0.2)

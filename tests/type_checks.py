@@ -1,0 +1,105 @@
+"""Types and shapes are checked at run time in every test (jaxtyping + beartype), once for each kind
+of call.
+
+Whether a call fits its annotations follows from the classes of what goes in and comes out, and from
+the shapes and dtypes of arrays. A call of a kind that has passed would pass again, and is let
+through: a solver calls the same functions thousands of times, and checks took four fifths of it.
+What is in a list, a dict or a generator cannot be told from outside: such calls are always checked.
+"""
+
+import functools
+import inspect
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import contextmanager
+from dataclasses import is_dataclass
+from types import FunctionType
+from typing import Any
+
+import jaxtyping
+import numpy as np
+
+_jaxtyped = jaxtyping.jaxtyped
+_PASSED: dict[Hashable, set[Hashable]] = defaultdict(set)
+"""By function. Closures are made anew with each call, and one code stands for all of them."""
+
+
+def install() -> None:
+    """Check what is imported of the package from now on."""
+    jaxtyping.jaxtyped = once  # what the hook writes above every function and class
+    jaxtyping.install_import_hook("scene4d", "beartype.beartype")
+
+
+@contextmanager
+def unchecked() -> Iterator[None]:
+    """As users run it."""
+    before = jaxtyping.config.jaxtyping_disable
+    jaxtyping.config.update("jaxtyping_disable", True)
+    try:
+        yield
+    finally:
+        jaxtyping.config.update("jaxtyping_disable", before)
+
+
+def once(target: Any = None, *, typechecker: Callable) -> Any:
+    """Takes the place of ``jaxtyping.jaxtyped``."""
+    if target is None:
+        return functools.partial(once, typechecker=typechecker)
+    if inspect.isfunction(target):
+        return _once(target, typechecker)
+    if is_dataclass(target) and "__init__" in vars(target):
+        target.__init__ = _once(target.__init__, typechecker)
+    return target
+
+
+def _once(function: Callable, typechecker: Callable) -> Callable:
+    passed = _PASSED[function.__module__, function.__qualname__, function.__code__]
+    checked = functools.cache(lambda: _jaxtyped(function, typechecker=typechecker))
+
+    @functools.wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        if jaxtyping.config.jaxtyping_disable:
+            return function(*args, **kwargs)
+        given = _kind_of((args, *kwargs, *kwargs.values()))
+        if given not in passed:
+            result = checked()(*args, **kwargs)
+            returned = _kind_of(result)
+            if given is not None and returned is not None:
+                passed.update((given, (given, returned)))
+            return result
+        result = function(*args, **kwargs)
+        returned = _kind_of(result)
+        if (given, returned) not in passed:
+            _jaxtyped(_returning(result, function), typechecker=typechecker)(*args, **kwargs)
+            passed.add((given, returned)) if returned is not None else passed.discard(given)
+        return result
+
+    return call
+
+
+def _returning(result: object, function: Callable) -> Callable:
+    """A function with the same signature and names, to check a result that is there already."""
+
+    def returned(*_: object, **__: object) -> object:
+        return result
+
+    here = FunctionType(returned.__code__, function.__globals__, closure=returned.__closure__)
+    return functools.update_wrapper(here, function)
+
+
+def _kind_of(value: Any) -> Hashable:
+    """All that a check of this value depends on; None where the value does not tell it."""
+    known = value.__class__
+    if known is np.ndarray:
+        return value.shape, value.dtype
+    if known is tuple:
+        kinds = tuple(map(_kind_of, value))
+        return None if None in kinds else kinds
+    if known is str or isinstance(value, type):
+        return value
+    return known if _is_told_by_class(known) else None
+
+
+@functools.cache
+def _is_told_by_class(known: type) -> bool:
+    return not (issubclass(known, (np.ndarray, tuple)) or hasattr(known, "__iter__"))
