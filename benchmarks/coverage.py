@@ -62,6 +62,7 @@ class Part:
             self.options,
             self.seen.reading if self.given != "lens" else None,
             edges_xyxy=self.seen.edges_xyxy if self.given != "lens" else None,
+            image_bgr=self.seen.image_bgr,
         )
 
 

@@ -9,7 +9,7 @@ import pytest
 import scene4d
 from readings import belief_of, reading_of
 from scene4d.calibration import CalibrateOptions
-from scene4d.calibration._guess import NETWORK_WIDENING, as_guess, solve_guided
+from scene4d.calibration._guess import TILT_WIDENING, as_guess, solve_guided
 from scene4d.calibration.calibrating import NO_PICTURES
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
@@ -107,7 +107,7 @@ def test_a_network_that_knows_nothing_changes_nothing(crowd):
 @pytest.fixture
 def not_widened(monkeypatch):
     """As if the network were as good on a user's camera as on its own pictures."""
-    monkeypatch.setattr("scene4d.calibration._guess.NETWORK_WIDENING", 1.0)
+    monkeypatch.setattr("scene4d.calibration._guess.TILT_WIDENING", 1.0)
 
 
 @pytest.mark.usefixtures("not_widened")
@@ -149,15 +149,43 @@ def test_the_guess_is_wider_than_the_reading_and_silent_where_it_is_vague():
     stated = Orientation(1000.0, 0.3, 0.0, 200.0, 0.05, 0.04)
     guess = as_guess(stated)
     assert guess is not None
-    assert guess.focal_sigma_px == pytest.approx(NETWORK_WIDENING * 200.0)
-    assert guess.tilt_sigma_rad == pytest.approx(NETWORK_WIDENING * 0.05)
-    vague = as_guess(replace(stated, tilt_sigma_rad=0.3, focal_sigma_px=600.0))
+    assert guess.focal_sigma_px == pytest.approx(200.0)
+    assert guess.tilt_sigma_rad == pytest.approx(TILT_WIDENING * 0.05)
+    vague = as_guess(replace(stated, tilt_sigma_rad=0.3, focal_sigma_px=800.0))
     assert vague is not None
     assert np.isinf(vague.tilt_sigma_rad) and np.isinf(vague.focal_sigma_px)
     assert (
-        as_guess(replace(stated, tilt_sigma_rad=0.3, focal_sigma_px=600.0, roll_sigma_rad=0.2))
+        as_guess(replace(stated, tilt_sigma_rad=0.3, focal_sigma_px=800.0, roll_sigma_rad=0.2))
         is None
     )
+
+
+def test_a_picture_that_the_lens_bends_is_read_again_without_that(crowd, monkeypatch):
+    bent = build_camera(build_lens(SIZE, 60.0, radial=(-0.06, 0.0, 0.0)), 20.0, 1.0, 6.0)
+    people = people_scene(bent, 200, np.random.default_rng(1), noise=0.01, distorted=True)
+    seen = Segments.from_points(people.foot_uv, people.head_uv)
+    picture, lenses = np.zeros((SIZE[1], SIZE[0], 3), np.uint8), []
+
+    def read(image_bgr, lens):
+        assert image_bgr is picture
+        lenses.append(lens)
+        return reading_of(belief_of(bent), image_size=SIZE)
+
+    monkeypatch.setattr("scene4d.calibration._guess.read_straightened", read)
+
+    def guided(segments: Segments) -> Calibration:
+        wrong = reading_of(belief_of(bent, roll_deg=15.0), image_size=SIZE)
+        return solve_guided(segments, SIZE, CalibrateOptions(), wrong, image_bgr=picture)
+
+    found = guided(seen)
+    (lens,) = lenses
+    corner = np.zeros((1, 2))
+    moved = [np.hypot(*(each.undistort(corner)[0] - corner)[0]) for each in (lens, bent.lens)]
+    assert moved[0] == pytest.approx(moved[1], rel=0.5)
+    assert found and network_words(found) == [], "the second reading fits, the first did not"
+    assert "roll" in " ".join(network_words(guided(crowd))), "this lens bends nothing"
+    guided(replace(seen, from_box=np.ones(len(seen), bool)))
+    assert len(lenses) == 1, "boxes do not tell a lens"
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Int, UInt8
 
 from scene4d.core.camera import Camera, Lens
 from scene4d.core.errors import InputError
@@ -313,6 +313,17 @@ def read_orientation(
         verdict = monitor.verdict()
         moved = (f"The reading mixes several views: {verdict.reason}.",) if verdict.moved else ()
         return reader.reading((*moved, *footage.warnings))
+
+
+def read_straightened(image_bgr: UInt8[np.ndarray, "h w 3"], lens: Lens) -> OrientationReading:
+    """What one picture says of its middle once the distortion of ``lens`` is taken out of it.
+
+    Neither the lens's focal length nor its principal point is believed.
+    """
+    height, width = image_bgr.shape[:2]
+    reader = OrientationReader((width, height), lens, focal_known=False)
+    reader.look(0, image_bgr)
+    return replace(reader.reading(), lens=None)
 
 
 def settled(before: "Belief", now: "Belief", image_size: tuple[int, int]) -> bool:

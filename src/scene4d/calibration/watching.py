@@ -63,6 +63,7 @@ def solved(seen: Seen, options: CalibrateOptions) -> Calibration:
         edges_xyxy=seen.edges_xyxy,
         vehicles=seen.vehicles,
         alone=None if joint else _without_network(seen, options),
+        image_bgr=seen.image_bgr,
     )
     said = [*seen.notes]
     missing = missing_keypoints(people)
