@@ -137,6 +137,7 @@ def unrefused(part: Part) -> Calibration:
     """What would have been answered if nothing were refused."""
     with (
         mock.patch.object(_solve.verdict, "refusal", lambda *_, **__: None),
+        mock.patch.object(_solve.verdict, "standing", lambda *_: None),
         mock.patch.object(_solve.verdict, "MIN_PEOPLE", 1),
         mock.patch.object(_solve.verdict, "FOCAL_KNOWN", np.inf),
     ):

@@ -38,8 +38,6 @@ STILL_WEIGHT = 0.1
 stands behind, which a box does not show, or be no person. Chosen: ten of them count as one walker.
 With the true lens it brings tilt from boxes nearer to the truth on seven of ten cameras and
 farther on none by more than 0.2°."""
-_WALKERS = 2
-"""So many walkers, and standing is a choice and not the lack of other pictures."""
 _LENS_AGREEMENT = 0.03
 """Relative difference of two given focal lengths that is worth a warning. Chosen by hand: three
 times what lens calibrations of one camera differ by."""
@@ -195,8 +193,9 @@ def _problem(
     length = np.hypot(*(points.head - points.foot))
     correlation = TRACK_CORRELATION if case.asked.systematics else 0.0
     weight = position_weights(points.foot, length, track, correlation)
-    if case.asked.systematics:
-        still = ~_walks(points, length, track) & (case.segments.track[case.usable] >= 0)
+    places = _places_seen(points, track)
+    if case.asked.systematics and (places > 1).any():
+        still = (places <= 1) & (case.segments.track[case.usable] >= 0)
         weight = np.where(still & points.from_box, STILL_WEIGHT * weight, weight)
     lines = None
     if edges_xyxy is not None and len(edges_xyxy):
@@ -222,13 +221,11 @@ def _blur(case: Case, length: np.ndarray) -> np.ndarray:
     return blur
 
 
-def _walks(points: Points, length: np.ndarray, track: np.ndarray) -> np.ndarray:
-    """Rows (n,) of people who are seen in several places; everybody where hardly anybody is, as in
-    single pictures.
-    """
-    walkers = places_of(points.foot, length, track) > 1
-    rows: np.ndarray = walkers[track] if walkers.sum() >= _WALKERS else np.ones(len(track), bool)
-    return rows
+def _places_seen(points: Points, track: np.ndarray) -> np.ndarray:
+    """In how many places each row's person is seen (n,); 0 for who is seen once only."""
+    places = places_of(points.foot, np.sqrt(points.seen2), track)
+    seen: np.ndarray = np.where(np.bincount(track) > 1, places, 0)[track]
+    return seen
 
 
 def _renumbered(track: np.ndarray) -> np.ndarray:
@@ -270,6 +267,8 @@ def _judged(case: Case, problem: Problem, state: State, traffic: Traffic | None)
         rulers, problem.prior, state.parameters, depth, cov, errors.relative, share,
         who=verdict.in_words(people, vehicles),
     )  # fmt: skip
+    if why is None and traffic is None and case.asked.systematics:
+        why = verdict.standing(problem.points.from_box, _places_seen(problem.points, problem.track))
     doubt = Doubts(why)
     if why is None and traffic is None:
         doubt = doubts(case, problem, state, people, share)

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from scene4d.calibration._body import FOCAL, HEIGHT, ROLL, TILT, Points
 from scene4d.calibration._prior import Prior
@@ -62,10 +62,23 @@ BOXES_ALONE = (
     "orientation (orientation), or keypoints (run on the footage itself)"
 )
 
+NOBODY_WALKS = (
+    "nobody walks, and a box does not show whether somebody stands, sits or is half hidden; "
+    "needed: footage in which people walk, or keypoints (run on the footage itself)"
+)
+
 HANGING = (
     "most heads lie below the feet in the picture, and no camera above the ground explains them; "
     "needed: footage turned by 180°, or feet and heads exchanged if they were mixed up"
 )
+
+
+def standing(box: Bool[np.ndarray, "n"], places: Int[np.ndarray, "n"]) -> str | None:
+    """Why boxes do not tell the camera, in how many ``places`` their tracks were ever seen (0 of a
+    person who was seen once only); None where somebody walks, and in single pictures.
+    """
+    still = (places == 1).mean() > 0.5 and not (places > 1).any()
+    return NOBODY_WALKS if box.all() and still else None
 
 
 def too_few(people: int, vehicles: int | None) -> str:
