@@ -37,6 +37,7 @@ FOCAL, TILT, ROLL, HEIGHT, CORNER, CENTRE_U, CENTRE_V = range(N_PARAMETERS)
 """log f, tilt, roll, log h, D, and the principal point."""
 CENTRE = slice(CENTRE_U, CENTRE_V + 1)
 ALL = tuple(range(N_PARAMETERS))
+_LENS = slice(CORNER, N_PARAMETERS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,23 +113,21 @@ def undistort(
 ) -> tuple[Float[np.ndarray, "2 n"], Float[np.ndarray, "2 n"], Bool[np.ndarray, "n"]]:
     """Undistorted points, their derivative by ``corner`` (D), and which points have one.
 
-    Solves ``r (1 + D r²) = r_d`` on the branch through zero by Newton's method. With D < 0
-    (barrel) the model folds back at ``r² = -1 / (3 D)``: farther points are invalid.
+    Solves ``r (1 + D r²) = r_d`` on the branch through zero in closed form (Viète for D < 0, its
+    hyperbolic counterpart for D > 0). With D < 0 (barrel) the model folds back at
+    ``r² = -1 / (3 D)``: farther points are invalid.
     """
     r2_d = (points * points).sum(axis=0)
+    valid = np.ones(len(r2_d), bool)
     if corner == 0.0:
-        return points, -points * r2_d, np.ones(len(r2_d), bool)
+        return points, -points * r2_d, valid
     if corner < 0:
-        fold2 = -1 / (3 * corner)
-        valid = r2_d < 0.95 * fold2 * 4 / 9
-        r2_d = np.minimum(r2_d, 0.95 * fold2 * 4 / 9)
-    else:
-        valid = np.ones(len(r2_d), bool)
-    # Newton on the gain g = r_u / r_d, from below the root: g (1 + D r_d² g²) = 1.
-    k = corner * r2_d
-    gain = np.ones_like(k)
-    for _ in range(7):
-        gain = gain - (gain * (1 + k * gain * gain) - 1) / (1 + 3 * k * gain * gain)
+        farthest2 = -0.95 * 4 / (27 * corner)
+        valid = r2_d < farthest2
+        r2_d = np.minimum(r2_d, farthest2)
+    s = np.sqrt(np.maximum(6.75 * abs(corner) * r2_d, 1e-60))  # 1 at the fold
+    turned = np.sin(np.arcsin(s) / 3) if corner < 0 else np.sinh(np.arcsinh(s) / 3)
+    gain = 3 * turned / s
     r2_u = r2_d * gain * gain
     return points * gain, -points * (gain * r2_u / (1 + 3 * corner * r2_u)), valid
 
@@ -167,6 +166,8 @@ def straightened(
     by at least the ``columns`` that move them.
     """
     corner, centre = parameters[CORNER], parameters[CENTRE]
+    if not fisheye and _plain(parameters, columns):
+        return Straightened(points, {}, np.ones(points.shape[1], bool))
     seen = points - centre[:, None] if centre.any() else points
     straight, by_corner, valid = undistort(seen, corner)
     by = {CORNER: by_corner}
@@ -178,6 +179,11 @@ def straightened(
         by = {FOCAL: flat.by_log_focal} | {column: flat.carry(d) for column, d in by.items()}
         straight, valid = flat.points, valid & flat.valid
     return Straightened(straight, by, valid)
+
+
+def _plain(parameters: np.ndarray, columns: tuple[int, ...]) -> bool:
+    """Whether there is neither distortion nor a principal point, and neither is asked for."""
+    return not parameters[_LENS].any() and max(columns, default=FOCAL) < CORNER
 
 
 def _unit(v: np.ndarray, dv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -228,16 +234,13 @@ def predict_heads(
         top = height_m - np.where(points.from_box, HEAD_RADIUS_M, 0.0)
     clearance = camera_height - points.ground_m - foot_z
     scale = down / clearance  # m of the module docstring
-    d_scale = np.empty((len(columns), xy.shape[1]))
-    for row, column in enumerate(columns):
-        if column == HEIGHT:
-            d_scale[row] = -scale * camera_height / clearance
-        elif column in rays.by:
-            d_xy = rays.by[column]
-            d_scale[row] = -(up[0] * d_xy[0] + up[1] * d_xy[1]) / clearance
-        else:
-            turned = d_up[column]
-            d_scale[row] = -(turned[0] * xy[0] + turned[1] * xy[1] + turned[2]) / clearance
+    turned = d_up[list(columns)]
+    d_down = turned[:, :2] @ xy + turned[:, 2:]
+    for column, d_xy in rays.by.items():
+        d_down[columns.index(column)] += up[0] * d_xy[0] + up[1] * d_xy[1]
+    d_scale = -d_down / clearance
+    if HEIGHT in columns:
+        d_scale[columns.index(HEIGHT)] = -scale * camera_height / clearance
 
     span = np.broadcast_to(top - foot_z, down.shape)
     q = (scale * span) * up[:, None]
@@ -252,17 +255,15 @@ def predict_heads(
     uv = q[:2] / depth
     zoom = focal / depth
 
-    def seen(d_q: np.ndarray) -> np.ndarray:
-        return zoom * (d_q[:2] - uv * d_q[2])
-
-    at_scale = span * seen(up[:, None])
-    d_uv = at_scale * d_scale[:, None]
-    for row, column in enumerate(columns):
-        if column in rays.by:
-            d_uv[row] += zoom * rays.by[column]
-        elif column != HEIGHT:
-            d_uv[row] += (scale * span) * seen(d_up[column][:, None])
-    h_uv = scale * seen(up[:, None])
+    by_scale = zoom * (up[:2, None] - uv * up[2])
+    d_uv = (span * by_scale) * d_scale[:, None]
+    for column, d_xy in rays.by.items():
+        d_uv[columns.index(column)] += zoom * d_xy
+    for column in (TILT, ROLL):
+        if column in columns:
+            by_up = d_up[column, :2, None] - uv * d_up[column, 2]
+            d_uv[columns.index(column)] += (scale * span * zoom) * by_up
+    h_uv = scale * by_scale
     if outline is not None:
         rows = points.from_box
         away = outline.d_q[:, :2] - uv[:, rows] * outline.d_q[:, 2:3]
@@ -341,6 +342,8 @@ def _on_sensor(
     h_uv: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Apply ``x (1 + D r²)`` and the principal point to points and to their derivatives."""
+    if _plain(parameters, columns):
+        return uv, d_uv, h_uv
     corner, centre = parameters[CORNER], parameters[CENTRE]
     r2 = (uv * uv).sum(axis=0)
     by_corner = uv * r2

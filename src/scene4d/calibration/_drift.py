@@ -77,4 +77,4 @@ class Drift:
         gain = np.empty((2, len(box)))
         gain[0] = 1 + growth + np.where(box, 2 * bend * away, 0.0)
         gain[1] = 1 + np.where(box, 0.0, straightening)
-        return Drifted(np.einsum("d,dan->an", coefficients, by), gain, by)
+        return Drifted((coefficients @ by.reshape(N_DRIFTS, -1)).reshape(2, -1), gain, by)

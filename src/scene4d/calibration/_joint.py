@@ -46,6 +46,8 @@ _GRID_ALONG, _GRID_ACROSS = 0.07, 0.06
 :class:`.Noise` with the heights of people (0.09 m of 1.70 m) and half a step of the grid."""
 _GRID_OUTLIER = 3.0
 """Width of the grid's robust loss, in sigmas."""
+_WORST = 1e6
+"""Chi square of whom no camera of that orientation shows."""
 _NOISE_PEOPLE = 4_000
 """So many people tell a standard deviation to one per cent (1 / √(2 n))."""
 _FEW_PEOPLE = 60
@@ -141,20 +143,33 @@ def orientation_grid(
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-def _starting_points(
-    points: Points,
-    weight: Float[np.ndarray, "n"],
-    person_height_m: float,
-    prior: Prior,
-    keep: int = 3,
-) -> Float[np.ndarray, "m 7"]:
+def _starting_points(problem: Problem, keep: int) -> Float[np.ndarray, "m 7"]:
     """The best ``keep`` distinct parameter vectors of the grid, best first."""
-    if len(weight) == 0:
-        return np.empty((0, N_PARAMETERS))
+    problem = _evenly(problem, _GRID_PEOPLE)
+    parameters, chi2 = _grid(problem)
+    robust = _GRID_OUTLIER**2 * chi2 / (_GRID_OUTLIER**2 + chi2)
+    gap = parameters - problem.prior.mean
+    cost = robust @ problem.weight + ((gap @ problem.prior.precision) * gap).sum(axis=1)
+    return parameters[distinct(parameters, np.argsort(cost), keep)]
+
+
+def most_agreeing(problem: Problem) -> float:
+    """The largest share of the people, by weight, that fits one camera of the coarse grid: a cheap
+    upper bound of what a search finds.
+    """
+    problem = _evenly(problem, _GRID_PEOPLE)
+    fitting = (_grid(problem)[1] < _GRID_OUTLIER**2) @ problem.weight
+    return float(fitting.max(initial=0.0) / problem.weight.sum())
+
+
+def _grid(problem: Problem) -> tuple[Float[np.ndarray, "m 7"], Float[np.ndarray, "m n"]]:
+    """Parameters of every orientation of the grid, with the height that most people tell, and by
+    how much (chi square, at most 10⁶) everybody misses the prediction.
+    """
+    points, prior = problem.points, problem.prior
+    if len(problem.weight) == 0:
+        return np.empty((0, N_PARAMETERS)), np.empty((0, 0))
     corner = prior.mean[CORNER]
-    if len(weight) > _GRID_PEOPLE:
-        rows = np.linspace(0, len(weight) - 1, _GRID_PEOPLE).astype(int)
-        points, weight = points.select(rows), weight[rows]
     foot, head = undistort(points.foot, corner)[0], undistort(points.head, corner)[0]
     focals = _FISHEYE_LOG_FOCALS if points.fisheye else _LOG_FOCALS
     orientations = orientation_grid(prior, focals)
@@ -182,21 +197,14 @@ def _starting_points(
 
     usable = np.isfinite(log_ratio).mean(axis=1) > 0.3
     orientations, log_ratio, across = orientations[usable], log_ratio[usable], across[usable]
-    if len(orientations) == 0:
-        return np.empty((0, N_PARAMETERS))
     # Median of what is finite, log H / h: sorting puts NaN last.
     middle = np.isfinite(log_ratio).sum(axis=1) // 2
     level = np.sort(log_ratio, axis=1)[np.arange(len(log_ratio)), middle]
     chi2 = ((log_ratio - level[:, None]) / _GRID_ALONG) ** 2 + (across / _GRID_ACROSS) ** 2
-    chi2 = np.where(np.isfinite(chi2), chi2, np.inf)
-    cost = (weight * (1 - 1 / (1 + chi2 / _GRID_OUTLIER**2))).sum(axis=1) * _GRID_OUTLIER**2
-
     parameters = np.tile(prior.mean, (len(orientations), 1))
     parameters[:, [FOCAL, TILT, ROLL]] = orientations
-    parameters[:, HEIGHT] = np.log(person_height_m) - level
-    gap = parameters - prior.mean
-    cost += ((gap @ prior.precision) * gap).sum(axis=1)
-    return parameters[distinct(parameters, np.argsort(cost), keep)]
+    parameters[:, HEIGHT] = np.log(problem.person_height_m) - level
+    return parameters, np.nan_to_num(np.minimum(chi2, _WORST), nan=_WORST)
 
 
 def distinct(parameters: np.ndarray, order: np.ndarray, keep: int) -> list[int]:
@@ -222,13 +230,7 @@ def solve(
     people_only = replace(small, lines=None)
     few = len(small.track) < _FEW_PEOPLE
     width = _SEARCH_WIDTH_FOR_FEW if few else _SEARCH_WIDTH
-    starts = _starting_points(
-        small.points,
-        small.weight,
-        small.person_height_m,
-        small.prior,
-        keep=_STARTS_FOR_FEW if few else _STARTS,
-    )
+    starts = _starting_points(small, keep=_STARTS_FOR_FEW if few else _STARTS)
     if more_starts is not None:
         starts = np.concatenate([starts, more_starts])
     if len(starts) == 0:
@@ -238,8 +240,7 @@ def solve(
         state = State(parameters, np.zeros(small.n_heights), Noise().widened(width))
         state, lin = descend(people_only, state, steps=4, tolerance=0.1)
         candidates.append((lin.cost, len(candidates), state))
-    state = minimise(people_only, min(candidates)[2], steps=6, tolerance=0.1)
-    state = replace(state, noise=Noise())
+    state = replace(min(candidates)[2], noise=Noise())
     if problem.lines is not None:
         state = _with_azimuth(small, [state, *_valley(people_only, state)])
     elif few:
@@ -252,13 +253,13 @@ def solve(
     state = _with_noise(middle, state, _NOISE_ROUNDS if middle is small else 1)
     if middle is not problem:
         state = replace(state, delta_m=np.zeros(problem.n_heights))
-    return minimise(problem, state, steps=20, tolerance=1e-4)
+    return minimise(problem, state, steps=20, tolerance=1e-3)
 
 
 def _with_noise(problem: Problem, state: State, rounds: int) -> State:
     """Refine camera and noise in turns."""
     for _ in range(rounds):
-        state, lin = descend(problem, state, steps=4, tolerance=0.1)
+        state, lin = descend(problem, state, steps=2, tolerance=0.1)
         state = replace(state, noise=updated_noise(problem, state, lin))
     return state
 
@@ -306,6 +307,13 @@ def _best(problem: Problem, states: list[State], steps: int) -> State:
         if cost - costs.min() < _MODE_COST and (gap.max(axis=1) > 1).all():
             rivals.append((float(cost - costs.min()), state.parameters))
     return replace(best, rivals=tuple(rivals))
+
+
+def _evenly(problem: Problem, people: int) -> Problem:
+    n = len(problem.track)
+    if n <= people:
+        return problem
+    return problem.select(np.linspace(0, n - 1, people).astype(int))
 
 
 def _thinned(problem: Problem, people: int, seed: int) -> Problem:

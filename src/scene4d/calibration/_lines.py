@@ -8,6 +8,7 @@ without structure says nothing, because then no orientation is better than anoth
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float
@@ -33,6 +34,9 @@ _LOSS_WIDTH = 2.5
 """Geman-McClure width in sigmas: an edge that misses by more belongs to no direction."""
 _LINES_PER_FACT = 20.0
 """Edges of one window, house or kerb err together: so many lines weigh as one observation."""
+
+_GRID = np.radians(np.arange(0.0, 90.0, 1.5))
+"""Azimuths (m,) that are tried: a local minimum is about 5° wide."""
 
 _AZIMUTH = N_PARAMETERS
 _OF_LENS = [FOCAL, CORNER, CENTRE_U, CENTRE_V]
@@ -60,6 +64,11 @@ class Lines:
         sigma = np.hypot(_ANGLE_SIGMA_RAD, np.sqrt(2) * _END_SIGMA_PX / np.maximum(length, 1e-6))
         points = ((xyxy.reshape(-1, 2, 2) - centre_uv) / half_diagonal_px).transpose(1, 2, 0)
         return cls(points[0].copy(), points[1].copy(), sigma)
+
+    @cached_property
+    def ends(self) -> Float[np.ndarray, "2 m"]:
+        """All starts, then all ends."""
+        return np.concatenate([self.start, self.end], axis=1)
 
     def __len__(self) -> int:
         return len(self.sigma)
@@ -94,12 +103,11 @@ def directions(tilt: float, roll: float, azimuth: float) -> tuple[np.ndarray, np
 def line_terms(parameters: Float[np.ndarray, "8"], lines: Lines) -> LineTerms:
     """Residual of every line to the direction that it misses least."""
     focal = np.exp(parameters[FOCAL])
-    a, d_a = _straight(lines.start, parameters, lines.fisheye)
-    b, d_b = _straight(lines.end, parameters, lines.fisheye)
-    middle, d_middle = (a + b) / 2, (d_a + d_b) / 2
-    span, d_span = b - a, d_b - d_a
-    length = np.sqrt((span * span).sum(axis=0))
-    edge = span / length
+    found = straightened(lines.ends, parameters, fisheye=lines.fisheye)
+    middle, edge, length = _middles(found.points)
+    both = np.stack([found.by[i] for i in _OF_LENS if i in found.by])
+    d_a, d_b = both[..., : len(lines)], both[..., len(lines) :]
+    d_middle, d_span = (d_a + d_b) / 2, d_b - d_a
     d_edge = (d_span - edge * (d_span * edge).sum(axis=1, keepdims=True)) / length
 
     axes, d_axes = directions(parameters[TILT], parameters[ROLL], parameters[_AZIMUTH])
@@ -132,20 +140,34 @@ def line_terms(parameters: Float[np.ndarray, "8"], lines: Lines) -> LineTerms:
     return LineTerms(residual, derivative, shrink**2 / _LINES_PER_FACT, cost)
 
 
-def _straight(
-    ends: np.ndarray, parameters: np.ndarray, fisheye: bool
-) -> tuple[np.ndarray, np.ndarray]:
-    """Undistorted points (2, n) about the principal point; derivatives (k, 2, n) by those of
-    :data:`_OF_LENS` that move them: all but the first with an ordinary lens.
+def _middles(ends: Float[np.ndarray, "2 m"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Middles (2, n), unit directions (2, n) and lengths (n,) of lines from all starts, then all
+    ends.
     """
-    found = straightened(ends, parameters, fisheye=fisheye)
-    return found.points, np.stack([found.by[i] for i in _OF_LENS if i in found.by])
+    a, b = np.split(ends, 2, axis=1)
+    span = b - a
+    length = np.sqrt((span * span).sum(axis=0))
+    return (a + b) / 2, span / length, length
 
 
 def best_azimuths(parameters: Float[np.ndarray, "7"], lines: Lines, keep: int = 2) -> list[float]:
     """Azimuths (radians, 0 to π/2) of the best local minima of the lines' cost."""
-    grid = np.radians(np.arange(0.0, 90.0, 1.5))  # a local minimum is about 5° wide
-    cost = np.array([line_terms(np.append(parameters, a), lines).cost for a in grid])
+    straight = straightened(lines.ends, parameters, (), fisheye=lines.fisheye)
+    middle, edge, _ = _middles(straight.points)
+    upright, along, across = directions(parameters[TILT], parameters[ROLL], 0.0)[0]
+    turned = np.cos(_GRID)[:, None] * along + np.sin(_GRID)[:, None] * across
+    cross = np.cos(_GRID)[:, None] * across - np.sin(_GRID)[:, None] * along
+    focal = np.exp(parameters[FOCAL])
+
+    def miss2(axes: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "k n"]:
+        x, y, z = (axes * [focal, focal, 1.0]).T[:, :, None]
+        x, y = x - middle[0] * z, y - middle[1] * z
+        found: np.ndarray = (edge[0] * y - edge[1] * x) ** 2 / (x * x + y * y)
+        return found
+
+    least = np.minimum(np.minimum(miss2(turned), miss2(cross)), miss2(upright[None]))
+    chi2 = least / lines.sigma**2
+    cost = (chi2 / (_LOSS_WIDTH**2 + chi2)).sum(axis=1)
     lowest = (cost <= np.roll(cost, 1)) & (cost < np.roll(cost, -1))
     candidates = np.flatnonzero(lowest)
-    return [float(grid[i]) for i in candidates[np.argsort(cost[candidates])][:keep]]
+    return [float(_GRID[i]) for i in candidates[np.argsort(cost[candidates])][:keep]]

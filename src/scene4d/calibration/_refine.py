@@ -153,6 +153,18 @@ class Problem:
         """Number of people who are seen more than once, hence have a height of their own."""
         return int(self.person.max()) + 1 if len(self.person) else 0
 
+    @cached_property
+    def _by_person(self) -> tuple[np.ndarray, np.ndarray]:
+        """The ``tracked`` rows in the order of their people, and where each begins."""
+        order = np.argsort(self.person, kind="stable")
+        return self.tracked[order], np.searchsorted(self.person[order], np.arange(self.n_heights))
+
+    def per_person(self, values: Float[np.ndarray, "*k n"]) -> Float[np.ndarray, "*k t"]:
+        """Sums over the sightings of everybody who has a height."""
+        rows, starts = self._by_person
+        sums: np.ndarray = np.add.reduceat(values[..., rows], starts, axis=-1)
+        return sums
+
     def heights_m(self, delta_m: Float[np.ndarray, "t"]) -> float | Float[np.ndarray, "n"]:
         """Height of every sighting's person: the mean, and its own where it has one."""
         if self.n_heights == 0:
@@ -235,27 +247,27 @@ def linearise(problem: Problem, state: State) -> Linearisation:
         if points.has_boxes:
             edge = _lower_edge(problem, state, predicted, drifted, spread)
             along = spread * edge.narrowing
-    residual[0] = (log_length - 0.5 * np.log(points.seen2)) / along
-    residual[1] = np.arctan2(cross, dot) / across
-    stretch = expected / (expected2 * along)
-    turn = np.stack([-expected[1], expected[0]]) / (expected2 * across)
+    both = np.stack([along, across])
+    residual[0] = log_length - 0.5 * np.log(points.seen2)
+    residual[1] = np.arctan2(cross, dot)
+    gain = 1 / (expected2 * both)
     if drifted is not None:
-        residual += drifted.added / np.stack([along, across])
-        stretch, turn = stretch * drifted.gain[0], turn * drifted.gain[1]
+        residual += drifted.added
+        gain *= drifted.gain
+    residual /= both
+    stretch, turn = expected * gain[0], np.stack([-expected[1], expected[0]]) * gain[1]
 
     def in_sigmas(v: np.ndarray) -> np.ndarray:
         """Derivatives of (log length, direction) from those of the predicted head."""
-        out = np.empty_like(v)
-        out[..., 0, :] = v[..., 0, :] * stretch[0] + v[..., 1, :] * stretch[1]
-        out[..., 1, :] = v[..., 0, :] * turn[0] + v[..., 1, :] * turn[1]
+        out = v[..., :1, :] * np.stack([stretch[0], turn[0]])
+        out += v[..., 1:, :] * np.stack([stretch[1], turn[1]])
         return out
 
     inlier, upright, push, loss = _mixture(residual, predicted.valid, spread, across, noise)
     cost = float(problem.weight @ loss)
     by_parameter = in_sigmas(by_parameter)
     if drifted is not None:
-        by_drift = drifted.by / np.stack([along, across])
-        by_parameter = np.concatenate([by_parameter, by_drift])
+        by_parameter = np.concatenate([by_parameter, drifted.by / both])
     if not predicted.valid.all():
         residual = np.where(predicted.valid, residual, 0.0)
         by_parameter = np.where(predicted.valid, by_parameter, 0.0)
@@ -373,18 +385,10 @@ def normal_equations(problem: Problem, state: State, lin: Linearisation) -> Norm
     height_gradient = stiffness * state.delta_m
     coupling = np.zeros((_N, problem.n_heights))
     if problem.n_heights:
-        rows = problem.tracked
-        by_height = lin.by_height[:, rows]
-
-        def per_person(values: np.ndarray) -> np.ndarray:
-            return np.bincount(problem.person, values.sum(axis=0), problem.n_heights)
-
-        information += per_person(lin.weight[:, rows] * by_height**2)
-        height_gradient += per_person(by_height * lin.force[:, rows])
-        if lin.pull is not None:
-            height_gradient += per_person(lin.pull[1][None, rows])
-        for row, column in enumerate(columns):
-            coupling[column] = per_person(weighted[row][:, rows] * by_height)
+        information += problem.per_person((lin.weight * lin.by_height**2).sum(axis=0))
+        pulled = (lin.by_height * lin.force).sum(axis=0)
+        height_gradient += problem.per_person(pulled if lin.pull is None else pulled + lin.pull[1])
+        coupling[columns] = problem.per_person((weighted * lin.by_height).sum(axis=1))
     scaled = coupling / information
     return NormalEquations(
         hessian - scaled @ coupling.T,

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from scene4d.calibration._body import HEIGHT, N_PARAMETERS
 from scene4d.calibration._evidence import evidence, log_density
-from scene4d.calibration._joint import solve
+from scene4d.calibration._joint import most_agreeing, solve
 from scene4d.calibration._refine import Problem, State, linearise, minimise
 
 # Synthetic screens, second views, levels, children and legs hidden at random, and 14 recordings
@@ -56,6 +56,8 @@ def find_rival(problem: Problem, state: State, *, seed: int = 0) -> Rival | None
     if (fitting < 0.5).sum() < _LEAST_PEOPLE or share < _LEAST_SHARE:
         return None
     theirs = replace(problem.select(rows), lines=None, terms=())
+    if most_agreeing(theirs) < _LEAST_AGREEING:
+        return None
     other = solve(theirs, seed=seed)
     if other is None:
         return None
