@@ -18,7 +18,6 @@ from scene4d.calibration._body import (
     N_PARAMETERS,
     ROLL,
     TILT,
-    Points,
     undistort,
 )
 from scene4d.calibration._equidistant import ray_gain
