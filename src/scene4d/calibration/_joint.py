@@ -54,6 +54,8 @@ _STARTS, _STARTS_FOR_FEW = 2, 6
 _SEARCH_WIDTH, _SEARCH_WIDTH_FOR_FEW = 2.0, 1.0
 """How many starts are tried, with how many times the usual noise. Many people lead from afar; among
 few, outliers make valleys of their own, which only more and narrower starts tell apart."""
+_MOST_AGREE = 0.8
+"""Where such a share of many people agrees, there is no need to start anywhere else."""
 _MODES = 3
 """So many starts of few people are followed to their minima."""
 _VAGUE_FOCAL = 0.1
@@ -239,6 +241,9 @@ def solve(
         state = State(parameters, np.zeros(small.n_heights), Noise().widened(width))
         state, lin = descend(people_only, state, steps=4, tolerance=0.1)
         candidates.append((lin.cost, len(candidates), state))
+        sure = lin.inlier @ small.weight > _MOST_AGREE * small.weight.sum()
+        if sure and not few and more_starts is None:
+            break
     state = replace(min(candidates)[2], noise=Noise())
     if problem.lines is not None:
         state = _with_azimuth(small, [state, *_valley(people_only, state)])
