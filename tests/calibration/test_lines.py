@@ -9,7 +9,8 @@ from scenes import draw_scene, half_diagonal, solve_points
 from scene4d.calibration._body import Points
 from scene4d.calibration._lines import Lines, best_azimuths, directions, line_terms
 from scene4d.calibration._prior import Prior
-from scene4d.calibration._refine import Noise, Problem, State, linearise, minimise
+from scene4d.calibration._problem import Noise, Problem, State
+from scene4d.calibration._refine import linearise, minimise
 from scene4d.core.camera import Camera
 from scene4d.core.people import Segments
 from strategies import build_camera, build_lens, ground_in_view

@@ -14,7 +14,8 @@ from scene4d.calibration._body import N_PARAMETERS
 from scene4d.calibration._drift import N_DRIFTS, Drift
 from scene4d.calibration._joint import position_weights, solve
 from scene4d.calibration._prior import Prior, default_prior
-from scene4d.calibration._refine import Noise, Problem, State, linearise, minimise, normal_equations
+from scene4d.calibration._problem import Noise, Problem, State
+from scene4d.calibration._refine import linearise, minimise, normal_equations
 from scene4d.calibration._uncertainty import covariance
 from scene4d.core.orientation import Orientation
 

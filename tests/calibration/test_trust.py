@@ -7,7 +7,7 @@ import pytest
 from scenes import Scene, draw_scene, errors_of, sigmas_of, solve_points
 
 from scene4d.calibration import CalibrateOptions, _uncertainty, solve_segments
-from scene4d.calibration._refine import Noise, State
+from scene4d.calibration._problem import Noise, State
 from scene4d.core.people import Segments
 
 SEEDS = range(16)

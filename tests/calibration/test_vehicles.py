@@ -13,7 +13,8 @@ from scene4d.calibration import solve_segments
 from scene4d.calibration._body import Points
 from scene4d.calibration._case import ImageFrame
 from scene4d.calibration._prior import default_prior
-from scene4d.calibration._refine import Noise, Problem, State, minimise
+from scene4d.calibration._problem import Noise, Problem, State
+from scene4d.calibration._refine import minimise
 from scene4d.calibration._traffic import Traffic
 from scene4d.calibration._uncertainty import covariance
 from scene4d.calibration._watching_vehicles import annotated_vehicles

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from scene4d.calibration._body import FOCAL, TILT
 from scene4d.calibration._case import Case
 from scene4d.calibration._evidence import evidence
-from scene4d.calibration._refine import Problem, State
+from scene4d.calibration._problem import Problem, State
 from scene4d.calibration._rivals import Rival, find_rival
 from scene4d.calibration._verdict import FOCAL_KNOWN
 

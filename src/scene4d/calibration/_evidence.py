@@ -12,16 +12,9 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from scene4d.calibration._refine import (
-    SHORT_RANGE,
-    TURN_RANGE,
-    Problem,
-    State,
-    descend,
-    linearise,
-    spreads,
-    updated_noise,
-)
+from scene4d.calibration._mixture import SHORT_RANGE, TURN_RANGE
+from scene4d.calibration._problem import Problem, State, spreads
+from scene4d.calibration._refine import descend, linearise, updated_noise
 
 _FOLDS = 5
 _STEPS = 3

@@ -23,10 +23,8 @@ from scene4d.calibration._body import (
 from scene4d.calibration._equidistant import ray_gain
 from scene4d.calibration._lines import best_azimuths
 from scene4d.calibration._prior import Prior
+from scene4d.calibration._problem import Noise, Problem, State
 from scene4d.calibration._refine import (
-    Noise,
-    Problem,
-    State,
     descend,
     linearise,
     minimise,

@@ -13,7 +13,8 @@ from scene4d.calibration._joint import solve
 from scene4d.calibration._landmark_residuals import SHIFT
 from scene4d.calibration._landmarks import LandmarkTerm
 from scene4d.calibration._lens_choice import with_best_lens
-from scene4d.calibration._refine import Noise, Problem, State, linearise, spreads
+from scene4d.calibration._problem import Noise, Problem, State, spreads
+from scene4d.calibration._refine import linearise
 from scene4d.calibration._uncertainty import data_covariance, most_probable
 from scene4d.calibration._with_landmarks import Belief, Fused, fused, landmark_starts
 from scene4d.core.calibration import Calibration

@@ -25,7 +25,7 @@ from scene4d.calibration._landmark_residuals import (
     weighed,
 )
 from scene4d.calibration._lines import directions
-from scene4d.calibration._refine import TermValue
+from scene4d.calibration._problem import TermValue
 from scene4d.core.landmarks import Landmarks
 
 _DISTANCE_RANGE = 3.0

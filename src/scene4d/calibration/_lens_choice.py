@@ -13,7 +13,8 @@ import numpy as np
 from scene4d.calibration._body import CORNER, FOCAL
 from scene4d.calibration._joint import solve
 from scene4d.calibration._prior import Prior
-from scene4d.calibration._refine import Problem, State, linearise, normal_equations, spreads
+from scene4d.calibration._problem import Problem, State, spreads
+from scene4d.calibration._refine import linearise, normal_equations
 
 _STRONG_CORNER = -0.05
 """Displacement D of the image's corner beyond which the lens may be another one: barrel by more

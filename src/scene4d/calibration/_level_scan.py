@@ -21,7 +21,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from scene4d.calibration._body import HEIGHT
-from scene4d.calibration._refine import Problem, State, linearise, spreads
+from scene4d.calibration._problem import Problem, State, spreads
+from scene4d.calibration._refine import linearise
 
 NARROW, WIDE = 3.0, 9.0
 """Widths of the robust loss, in standard deviations. The narrow one leaves out people whose legs

@@ -34,14 +34,8 @@ from scene4d.calibration._level_scan import (
     best_regions,
     thinned,
 )
-from scene4d.calibration._refine import (
-    Problem,
-    State,
-    descend,
-    linearise,
-    spreads,
-    updated_noise,
-)
+from scene4d.calibration._problem import Problem, State, spreads
+from scene4d.calibration._refine import descend, linearise, updated_noise
 from scene4d.core.body import HEIGHT_SIGMA_M, PERSON_HEIGHT_M
 
 _LEAST_PLACES = 4.0

@@ -18,19 +18,27 @@ outlier as a track. The heights δₜ are eliminated track by track (Schur compl
 Noise, height spread and shares are re-estimated by expectation-maximisation with a weak prior.
 """
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 
-from scene4d.calibration._body import N_PARAMETERS, Points, Prediction, predict_heads
-from scene4d.calibration._drift import N_DRIFTS, Drift, Drifted
-from scene4d.calibration._lines import Lines, LineTerms, line_terms
+from scene4d.calibration._body import N_PARAMETERS, Prediction, predict_heads
+from scene4d.calibration._drift import N_DRIFTS, Drifted
+from scene4d.calibration._lines import LineTerms, line_terms
 from scene4d.calibration._lower_edge import LowerEdge, lowered
-from scene4d.calibration._prior import Prior
-from scene4d.core.body import HEIGHT_SIGMA_M
+from scene4d.calibration._mixture import mixture
+from scene4d.calibration._problem import (
+    AZIMUTH,
+    DRIFTS,
+    N_UNKNOWNS,
+    OF_LINES,
+    Noise,
+    Problem,
+    State,
+    TermValue,
+    spreads,
+)
 
 # These constants were chosen by hand on the tuning cameras (PETS 2009, TownCentre); with them
 # synthetic crowds of known noise have the coverage that tests/calibration/test_coverage.py demands.
@@ -38,15 +46,6 @@ from scene4d.core.body import HEIGHT_SIGMA_M
 _HEIGHT_LOSS_WIDTH = 3.0
 """Geman-McClure width of a track's height, in standard deviations: adults lie within, children and
 cyclists beyond."""
-SHORT_RANGE, TURN_RANGE = 1.2, 0.8
-"""Range of log length (legs hidden down to 30 % of a person: -ln 0.3) and of direction (radians,
-46°: more than anybody leans) of outliers."""
-_SHORT_FROM, _SHORT_EDGE = 1.0, 0.5
-"""Where "too short" begins and how softly, in sigmas: earlier it would take people as modelled."""
-_AZIMUTH = N_PARAMETERS  # of the lines, behind the camera
-_OF_LINES = slice(0, _AZIMUTH + 1)
-_DRIFTS = slice(_AZIMUTH + 1, _AZIMUTH + 1 + N_DRIFTS)
-_N = _AZIMUTH + 1 + N_DRIFTS
 _AZIMUTH_RIDGE = 1e-2
 """Information about an azimuth that no line tells: the system must not become singular."""
 _PRIOR_COUNT = 10.0
@@ -55,144 +54,6 @@ _NOISE_RANGE = (0.004, 0.15)
 """Of log length and direction (radians): half a pixel of a person of 125 px, and a box half cut."""
 _HEIGHT_RANGE = (0.01, 0.2)
 """Of the spread of heights (m): a drill team, and a crowd of adults with children."""
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Spread of log length, direction (radians) and height (m) of people; shares of outliers.
-
-    Starting values: walking people on PETS 2009 and TownCentre (gait included), to about a third.
-    """
-
-    along: float = 0.03
-    across: float = 0.045
-    box_along: float = 0.05
-    height_m: float = HEIGHT_SIGMA_M
-    short: float = 0.12
-    stray: float = 0.05
-
-    def widened(self, factor: float) -> "Noise":
-        """Larger spreads for the search, which starts far from the answer."""
-        names = ("along", "across", "box_along", "height_m")
-        return replace(self, **{name: factor * getattr(self, name) for name in names})
-
-
-@dataclass(frozen=True)
-class TermValue:
-    """What something besides people says of the camera: its part of the cost (-2 log p, up to a
-    constant), half its gradient (7,), and half its second derivative (7, 7), positive semidefinite.
-    """
-
-    cost: float
-    gradient: Float[np.ndarray, "7"]
-    hessian: Float[np.ndarray, "7 7"]
-
-
-@runtime_checkable
-class Term(Protocol):
-    """Anything besides people that says something about the camera: known points, vehicles.
-
-    What it alone depends on (a position, a size) it eliminates by itself.
-    """
-
-    def at(self, parameters: Float[np.ndarray, "7"]) -> TermValue:
-        """Its value at a camera."""
-        ...
-
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """Everything that stays fixed while the camera is refined; ``blur`` is by how much the noise of
-    each sighting exceeds :class:`Noise`.
-    """
-
-    points: Points
-    track: Int[np.ndarray, "n"]
-    weight: Float[np.ndarray, "n"]
-    person_height_m: float
-    prior: Prior
-    lines: Lines | None = None
-    terms: tuple[Term, ...] = ()
-    blur: Float[np.ndarray, "n"] | None = None
-    drift: Drift | None = None
-
-    @cached_property
-    def columns(self) -> tuple[int, ...]:
-        """Indices of the free parameters."""
-        return tuple(np.flatnonzero(self.prior.free).tolist())
-
-    @cached_property
-    def of_people(self) -> list[int]:
-        """Indices of all unknowns that people tell: free parameters and drift."""
-        drifts = [] if self.drift is None else range(_N)[_DRIFTS]
-        return [*self.columns, *drifts]
-
-    @cached_property
-    def free(self) -> Bool[np.ndarray, "13"]:
-        """What is estimated: of the camera, the azimuth of lines, the drift."""
-        drifts = np.full(N_DRIFTS, self.drift is not None)
-        return np.concatenate([self.prior.free, [self.lines is not None], drifts])
-
-    @cached_property
-    def lone(self) -> Bool[np.ndarray, "n"]:
-        """Who is seen once: its height cannot be told from noise, so it counts as noise."""
-        return np.bincount(self.track)[self.track] == 1
-
-    @cached_property
-    def tracked(self) -> Int[np.ndarray, "m"]:
-        """Rows of people who are seen more than once."""
-        return np.flatnonzero(~self.lone)
-
-    @cached_property
-    def person(self) -> Int[np.ndarray, "m"]:
-        """Which height each of the ``tracked`` rows has, 0 to ``n_heights - 1``."""
-        return np.unique(self.track[self.tracked], return_inverse=True)[1]
-
-    @cached_property
-    def n_heights(self) -> int:
-        """Number of people who are seen more than once, hence have a height of their own."""
-        return int(self.person.max()) + 1 if len(self.person) else 0
-
-    @cached_property
-    def _by_person(self) -> tuple[np.ndarray, np.ndarray]:
-        """The ``tracked`` rows in the order of their people, and where each begins."""
-        order = np.argsort(self.person, kind="stable")
-        return self.tracked[order], np.searchsorted(self.person[order], np.arange(self.n_heights))
-
-    def per_person(self, values: Float[np.ndarray, "*k n"]) -> Float[np.ndarray, "*k t"]:
-        """Sums over the sightings of everybody who has a height."""
-        rows, starts = self._by_person
-        sums: np.ndarray = np.add.reduceat(values[..., rows], starts, axis=-1)
-        return sums
-
-    def heights_m(self, delta_m: Float[np.ndarray, "t"]) -> float | Float[np.ndarray, "n"]:
-        """Height of every sighting's person: the mean, and its own where it has one."""
-        if self.n_heights == 0:
-            return self.person_height_m
-        heights = np.full(len(self.track), self.person_height_m)
-        heights[self.tracked] += delta_m[self.person]
-        return heights
-
-    def select(self, rows: np.ndarray) -> "Problem":
-        """The problem on some of its people."""
-        _, track = np.unique(self.track[rows], return_inverse=True)
-        blur = None if self.blur is None else self.blur[rows]
-        points, weight = self.points.select(rows), self.weight[rows]
-        return replace(self, points=points, track=track, weight=weight, blur=blur)
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """A point of the search: camera, heights above the mean (m), noise, azimuth of the lines,
-    drift. ``rivals`` are other minima of the search: what they cost more, and their cameras.
-    """
-
-    parameters: Float[np.ndarray, "7"]
-    delta_m: Float[np.ndarray, "t"]
-    noise: Noise
-    azimuth: float = 0.0
-    drift: Float[np.ndarray, "5"] = field(default_factory=lambda: np.zeros(N_DRIFTS))
-    rivals: tuple[tuple[float, Float[np.ndarray, "7"]], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +124,7 @@ def linearise(problem: Problem, state: State) -> Linearisation:
         out += v[..., 1:, :] * np.stack([stretch[1], turn[1]])
         return out
 
-    inlier, upright, push, loss = _mixture(residual, predicted.valid, spread, across, noise)
+    inlier, upright, push, loss = mixture(residual, predicted.valid, spread, across, noise)
     cost = float(problem.weight @ loss)
     by_parameter = in_sigmas(by_parameter)
     if drifted is not None:
@@ -311,39 +172,6 @@ def _lower_edge(
     return LowerEdge.of(here, below, points, drifted, float(state.drift[2]), share)
 
 
-def spreads(problem: Problem, noise: Noise) -> tuple[np.ndarray, np.ndarray]:
-    """Standard deviations of log length and direction of every person (n,)."""
-    box = problem.points.from_box
-    along = np.where(box, noise.box_along, noise.along)
-    across = np.full(len(box), noise.across)
-    if problem.blur is not None:
-        along, across = along * problem.blur, across * problem.blur
-    height = noise.height_m / problem.person_height_m
-    along = np.where(problem.lone, np.hypot(along, height), along)
-    return along, across
-
-
-def _mixture(
-    residual: np.ndarray, valid: np.ndarray, along: np.ndarray, across: np.ndarray, noise: Noise
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Per person: probability of being as modelled, of being upright, the push of the soft edge
-    of "too short" on a, and ``-2 log p``.
-
-    People whose prediction is invalid are strays: no camera may win by losing people.
-    """
-    a = np.where(valid, np.clip(residual[0], -1e3, 1e3), -1e3)
-    upright = np.exp(-0.5 * np.where(valid, residual[1] ** 2, 1e6))
-    edge = 1 / (1 + np.exp(np.clip((_SHORT_FROM - a) / _SHORT_EDGE, -40.0, 40.0)))  # logistic step
-    flat_a = along * np.sqrt(2 * np.pi) / SHORT_RANGE
-    flat_c = across * np.sqrt(2 * np.pi) / TURN_RANGE
-    modelled = (1 - noise.short - noise.stray) * np.exp(-0.5 * a * a) * upright
-    short = noise.short * flat_a * edge * upright
-    total = modelled + short + noise.stray * flat_a * flat_c
-    inlier, too_short = modelled / total, short / total
-    push = np.where(valid, too_short * (1 - edge) / _SHORT_EDGE, 0.0)
-    return inlier, inlier + too_short, push, -2 * np.log(total)
-
-
 @dataclass(frozen=True, eq=False)
 class NormalEquations:
     """Gauss-Newton system over camera, azimuth and drift, with the heights eliminated."""
@@ -360,7 +188,7 @@ def normal_equations(problem: Problem, state: State, lin: Linearisation) -> Norm
     columns = problem.of_people
     weighted = lin.by_parameter * lin.weight
     flat = lin.by_parameter.reshape(len(columns), -1)
-    hessian, gradient = np.zeros((_N, _N)), np.zeros(_N)
+    hessian, gradient = np.zeros((N_UNKNOWNS, N_UNKNOWNS)), np.zeros(N_UNKNOWNS)
     hessian[np.ix_(columns, columns)] = weighted.reshape(len(columns), -1) @ flat.T
     gradient[columns] = flat @ lin.force.ravel()
     if lin.pull is not None:
@@ -373,17 +201,17 @@ def normal_equations(problem: Problem, state: State, lin: Linearisation) -> Norm
         gradient[camera] += other.gradient
     if lin.lines is not None:
         pulled = lin.lines.derivative * lin.lines.weight
-        hessian[_OF_LINES, _OF_LINES] += pulled @ lin.lines.derivative.T
-        gradient[_OF_LINES] += pulled @ lin.lines.residual
-        hessian[_AZIMUTH, _AZIMUTH] += _AZIMUTH_RIDGE
+        hessian[OF_LINES, OF_LINES] += pulled @ lin.lines.derivative.T
+        gradient[OF_LINES] += pulled @ lin.lines.residual
+        hessian[AZIMUTH, AZIMUTH] += _AZIMUTH_RIDGE
     if problem.drift is not None:
-        hessian[_DRIFTS, _DRIFTS] += np.diag(problem.drift.precision)
-        gradient[_DRIFTS] += problem.drift.precision * state.drift
+        hessian[DRIFTS, DRIFTS] += np.diag(problem.drift.precision)
+        gradient[DRIFTS] += problem.drift.precision * state.drift
 
     stiffness = lin.height_weight / state.noise.height_m**2
     information = stiffness.copy()
     height_gradient = stiffness * state.delta_m
-    coupling = np.zeros((_N, problem.n_heights))
+    coupling = np.zeros((N_UNKNOWNS, problem.n_heights))
     if problem.n_heights:
         information += problem.per_person((lin.weight * lin.by_height**2).sum(axis=0))
         pulled = (lin.by_height * lin.force).sum(axis=0)
@@ -423,8 +251,8 @@ def descend(
                 state,
                 parameters=state.parameters + step[:N_PARAMETERS],
                 delta_m=state.delta_m + delta,
-                azimuth=state.azimuth + float(step[_AZIMUTH]),
-                drift=state.drift + step[_DRIFTS],
+                azimuth=state.azimuth + float(step[AZIMUTH]),
+                drift=state.drift + step[DRIFTS],
             )
             attempt = linearise(problem, trial)
             if attempt.cost <= lin.cost:
@@ -444,7 +272,7 @@ _LARGEST_STEP = np.array([0.5, 0.25, 0.25, 0.6, 0.05, 0.05, 0.05, 0.1, *[0.1] * 
 
 
 def _damped_step(system: NormalEquations, free: np.ndarray, damping: float) -> np.ndarray:
-    step = np.zeros(_N)
+    step = np.zeros(N_UNKNOWNS)
     matrix = system.hessian[free][:, free]
     matrix[np.diag_indices_from(matrix)] *= 1 + damping
     step[free] = -np.linalg.solve(matrix, system.gradient[free])

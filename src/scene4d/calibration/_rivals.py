@@ -13,7 +13,8 @@ from jaxtyping import Float, Int
 from scene4d.calibration._body import HEIGHT, N_PARAMETERS
 from scene4d.calibration._evidence import evidence, log_density
 from scene4d.calibration._joint import most_agreeing, solve
-from scene4d.calibration._refine import Problem, State, linearise, minimise
+from scene4d.calibration._problem import Problem, State
+from scene4d.calibration._refine import linearise, minimise
 
 # Synthetic screens, second views, levels, children and legs hidden at random, and 14 recordings
 # with sub-samples of their tracks: a second view has 0.77 to 1.0 and more than 24, legs hidden at

@@ -18,7 +18,8 @@ from scene4d.calibration._levels import second_level
 from scene4d.calibration._lines import Lines
 from scene4d.calibration._paper import paper_calibration
 from scene4d.calibration._prior import CENTRE_SIGMA, Prior, default_prior
-from scene4d.calibration._refine import Problem, State, linearise, spreads
+from scene4d.calibration._problem import Problem, State, spreads
+from scene4d.calibration._refine import linearise
 from scene4d.calibration._traffic import Traffic, joined
 from scene4d.calibration._uncertainty import covariance
 from scene4d.calibration.options import POINTS, CalibrateOptions

@@ -7,11 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.calibration._body import N_PARAMETERS, Points
+from scene4d.calibration._problem import Problem, State
 from scene4d.calibration._refine import (
     Linearisation,
     NormalEquations,
-    Problem,
-    State,
     linearise,
     normal_equations,
     observed_weights,

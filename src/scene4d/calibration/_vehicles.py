@@ -24,7 +24,7 @@ from jaxtyping import Bool, Float, Int
 
 from scene4d.calibration._body import HEIGHT, N_PARAMETERS
 from scene4d.calibration._many_views import NEAREST, View
-from scene4d.calibration._refine import TermValue
+from scene4d.calibration._problem import TermValue
 from scene4d.core.vehicle_shapes import SHAPES
 
 KINDS: tuple[str, ...] = ("car", "truck", "bus", "vehicle")

@@ -19,7 +19,8 @@ from scene4d.calibration._body import CORNER, FOCAL, HEIGHT, N_PARAMETERS, Point
 from scene4d.calibration._joint import distinct, orientation_grid
 from scene4d.calibration._landmarks import LandmarkTerm
 from scene4d.calibration._prior import Prior
-from scene4d.calibration._refine import Noise, Problem, State, TermValue, descend
+from scene4d.calibration._problem import Noise, Problem, State, TermValue
+from scene4d.calibration._refine import descend
 from scene4d.calibration._verdict import SIGMAS
 from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.errors import InputError
