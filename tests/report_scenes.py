@@ -56,8 +56,13 @@ def calibration(cam: Camera | None = None, n: int = 120, **changes: Any) -> Cali
         "segments": segments,
         "inlier": inlier,
         "residual": np.zeros(n),
-        "ground_error_m": {"median": 0.38, "p90": 0.9},
-        "ground_error_from_camera_m": {"median": 2.1, "p90": 3.4},
+        "ground_error_m": {"median": 0.38, "p90": 0.9, "walked_median": 0.26, "out_to_m": 31.2},
+        "ground_error_from_camera_m": {
+            "median": 2.1,
+            "p90": 3.4,
+            "walked_median": 1.9,
+            "out_to_m": 31.2,
+        },
         "frames": 80,
     }
     return Calibration(**(values | changes))

@@ -112,15 +112,22 @@ def sigmas_of(found: Calibration) -> np.ndarray:
     return np.sqrt(np.diag(found.covariance))[:4]
 
 
-def correspondence_error(truth: Camera, found: Camera, xy_m: np.ndarray) -> np.ndarray:
-    """Distances after a rigid alignment of what ``found`` makes of true ground points (n, 2)."""
-    uv, valid = truth.project(np.column_stack([xy_m, np.zeros(len(xy_m))]))
+def correspondence_error(
+    truth: Camera, found: Camera, xy_m: np.ndarray, elsewhere_m: np.ndarray | None = None
+) -> np.ndarray:
+    """Distances after a rigid alignment of what ``found`` makes of true ground points (n, 2): of
+    these, or of others after the same alignment.
+    """
+    at = xy_m if elsewhere_m is None else np.vstack([xy_m, elsewhere_m])
+    uv, valid = truth.project(np.column_stack([at, np.zeros(len(at))]))
     there, seen = found.locate(uv)
     assert valid.all()
-    if not seen.all():
-        return np.full(len(xy_m), np.inf)
+    if not seen[: len(xy_m)].all():
+        return np.full(len(at), np.inf)
     # Procrustes of the plane in complex numbers: no code of the package.
-    a, b = (p[:, 0] + 1j * p[:, 1] for p in (there, xy_m))
-    a, b = a - a.mean(), b - b.mean()
-    turn = np.vdot(a, b)
-    return np.abs(a * turn / abs(turn) - b)
+    a, b = (p[:, 0] + 1j * p[:, 1] for p in (there, at))
+    n = len(xy_m)
+    a, b = a - a[:n].mean(), b - b[:n].mean()
+    turn = np.vdot(a[:n], b[:n])
+    error = np.where(seen, np.abs(a * turn / abs(turn) - b), np.inf)
+    return error if elsewhere_m is None else error[n:]

@@ -128,14 +128,14 @@ def test_the_page_says_the_numbers(whole):
     first = page.text.index("Camera found: 7.07 ± 0.14\u00a0m above the ground")
     assert "looking 16.5° ± 0.3° down" in page.text
     assert "Feet and heads cannot show it" in page.text and "not mirrored" in page.text
-    assert (
-        "about 0.38\u00a0m within the scene and 2.1\u00a0m from the camera (medians)." in page.text
-    )
+    assert "about 0.38\u00a0m within the scene and 2.1\u00a0m from the camera" in page.text
+    assert "(medians over the ground in view, out to 31\u00a0m)." in page.text
     assert (
         first < page.text.index("What the camera sees") < page.text.index("The ground from above")
     )
     assert "−3.1° ± 0.2°" in page.text and "1185 ± 24\u00a0px" in page.text
     assert "Within the scene: median 0.38\u00a0m, nine in ten places below 0.90\u00a0m" in page.text
+    assert "where people walked, the median is 0.26\u00a0m" in page.text
     assert "From the camera: median 2.1\u00a0m, nine in ten places below 3.4\u00a0m" in page.text
     assert "120 sightings" in page.text and "106 (88%)" in page.text
     assert "9.8.7" in page.text and "12.4" in page.text and "below 0.1" in page.text

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scenes import correspondence_error, draw_scene, errors_of
 
-from scene4d import solve_camera
+from scene4d import Camera, solve_camera
 from type_checks import unchecked
 
 
@@ -14,13 +14,15 @@ from type_checks import unchecked
 class Trials:
     """Rows are seeds. ``error`` and ``covariance`` are of (log f, tilt, roll, log height);
     ``ground_m`` is the median error where people walked, ``predicted_m`` the calibration's own
-    guess of it.
+    guess of it; ``view_m`` and ``predicted_view_m`` are those over the ground in view.
     """
 
     error: np.ndarray
     covariance: np.ndarray
     ground_m: np.ndarray
     predicted_m: np.ndarray
+    view_m: np.ndarray
+    predicted_view_m: np.ndarray
     refused: list[str]
 
     @property
@@ -42,7 +44,7 @@ def trials(n: int, seeds: int, **view: object) -> Trials:
 
 
 def _solved(n: int, seeds: int, view: dict) -> Trials:
-    error, covariance, ground, predicted, refused = [], [], [], [], []
+    error, covariance, ground, refused = [], [], [], []
     for seed in range(seeds):
         scene = draw_scene(seed, n, **view)
         people = scene.people
@@ -54,8 +56,20 @@ def _solved(n: int, seeds: int, view: dict) -> Trials:
             continue
         error.append(errors_of(scene, found))
         covariance.append(found.covariance[:4, :4])
-        ground.append(np.median(correspondence_error(scene.camera, found.camera, people.xy_m)))
-        predicted.append(found.ground_error_m["median"])
-    return Trials(
-        np.array(error), np.array(covariance), np.array(ground), np.array(predicted), refused
-    )
+        predicted = found.ground_error_m
+        in_view = ground_in_view(scene.camera, predicted["out_to_m"], np.random.default_rng(seed))
+        by_place = [
+            correspondence_error(scene.camera, found.camera, people.xy_m, elsewhere)
+            for elsewhere in (None, in_view)
+        ]
+        walked, seen = (np.median(errors) for errors in by_place)
+        ground.append([walked, predicted["walked_median"], seen, predicted["median"]])
+    return Trials(np.array(error), np.array(covariance), *np.array(ground).T, refused)
+
+
+def ground_in_view(camera: Camera, reach_m: float, rng: np.random.Generator) -> np.ndarray:
+    """Ground points (n, 2) drawn alike from all that the camera at the origin sees within reach."""
+    xy = rng.uniform(-reach_m, reach_m, (20_000, 2))
+    xy = xy[np.hypot(*xy.T) < reach_m]
+    uv, valid = camera.project(np.column_stack([xy, np.zeros(len(xy))]))
+    return xy[valid & ((uv >= 0) & (uv <= np.array(camera.image_size) - 1)).all(axis=1)]

@@ -125,33 +125,6 @@ class Case:
         )
 
 
-@dataclass(frozen=True)
-class GroundErrors:
-    """Predicted errors where people walked, median and p90 in metres: ``within`` the scene (a rigid
-    motion of the whole scene is no error) and ``from_camera``; ``relative`` is the median of the
-    latter over the distance.
-    """
-
-    within: dict[str, float]
-    from_camera: dict[str, float]
-    relative: float
-
-
-def ground_errors(found: Calibration) -> GroundErrors:
-    """The errors of a calibration that has a camera and a covariance."""
-    xy, within, from_camera = found.walked_ground_sigma_m()
-    distance = np.maximum(np.hypot(*xy.T), 1e-6)
-    relative = float(np.median(from_camera / distance)) if len(xy) else np.inf
-    return GroundErrors(_median_and_p90(within), _median_and_p90(from_camera), relative)
-
-
-def _median_and_p90(sigma_m: np.ndarray) -> dict[str, float]:
-    if len(sigma_m) == 0:
-        return {"median": np.inf, "p90": np.inf}
-    median, p90 = np.quantile(sigma_m, [0.5, 0.9])
-    return {"median": float(median), "p90": float(p90)}
-
-
 def saying(found: Calibration, *texts: str) -> Calibration:
     """The calibration with further warnings."""
     return replace(found, warnings=(*found.warnings, *texts))

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from scene4d.calibration import _verdict as verdict
 from scene4d.calibration._body import FOCAL, HEIGHT, ROLL, TILT
-from scene4d.calibration._case import Case, ground_errors
+from scene4d.calibration._case import Case
 from scene4d.calibration._joint import solve
 from scene4d.calibration._landmark_residuals import SHIFT
 from scene4d.calibration._landmarks import LandmarkTerm
@@ -19,6 +19,7 @@ from scene4d.calibration._uncertainty import data_covariance, most_probable
 from scene4d.calibration._with_landmarks import Belief, Fused, fused, landmark_starts
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
+from scene4d.core.ground_errors import ground_errors
 from scene4d.core.landmarks import LandmarkFit, Landmarks
 
 

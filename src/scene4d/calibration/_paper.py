@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 
 from scene4d.calibration import _verdict as verdict
 from scene4d.calibration._body import FOCAL, HEIGHT, N_PARAMETERS, ROLL, TILT
-from scene4d.calibration._case import Case, different_people, ground_errors
+from scene4d.calibration._case import Case, different_people
 from scene4d.calibration._linear import height_system
 from scene4d.calibration.consensus import (
     TOLERANCE_PX,
@@ -19,6 +19,7 @@ from scene4d.core.body import HEIGHT_SIGMA_M
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.geometry import locate, project, rotation_from_tilt_roll
+from scene4d.core.ground_errors import ground_errors
 from scene4d.core.orientation import Orientation
 
 _BOX_SIGMA = 0.04

@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 
 from scene4d.calibration import _verdict as verdict
 from scene4d.calibration._body import FOCAL, HEIGHT, Points
-from scene4d.calibration._case import Case, ImageFrame, different_people, ground_errors, saying
+from scene4d.calibration._case import Case, ImageFrame, different_people, saying
 from scene4d.calibration._doubts import Doubts, doubts
 from scene4d.calibration._drift import Drift
 from scene4d.calibration._joint import TRACK_CORRELATION, places_of, position_weights, solve
@@ -26,6 +26,7 @@ from scene4d.calibration.options import POINTS, CalibrateOptions
 from scene4d.core.body import FOOT_HEIGHT_M, HEIGHT_SIGMA_M, PERSON_HEIGHT_M
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
+from scene4d.core.ground_errors import ground_errors
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Detections, Segments
 from scene4d.core.points import ImageSize, as_image_size

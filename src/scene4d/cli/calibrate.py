@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from scene4d.core.calibration import Calibration
+    from scene4d.drawing.words import ErrorText
 
 
 class Method(StrEnum):
@@ -297,8 +298,8 @@ def _rows(found: "Calibration") -> list[tuple[str, str, str]]:
     from scene4d.drawing.words import ground_error_texts, parameter_rows
 
     rows = [(row.name, row.value, row.meaning) for row in parameter_rows(found)] if found else []
-    for name, median, p90 in ground_error_texts(found) if found else []:
-        rows.append((f"Error {name}", median, f"predicted median; one in ten is over {p90}"))
+    errors = ground_error_texts(found) if found else []
+    rows += [(f"Error {error.name}", error.median, _meaning(error)) for error in errors]
     where = f"{found.frames} frame{'' if found.frames == 1 else 's'}"
     if found:
         of = f"of {found.people} sightings in {where} agree with the camera"
@@ -309,3 +310,8 @@ def _rows(found: "Calibration") -> list[tuple[str, str, str]]:
         of = f"sightings of {found.vehicle_count} vehicles agree with the camera"
         rows.append(("Vehicles", str(len(found.vehicles)), of))
     return rows
+
+
+def _meaning(error: "ErrorText") -> str:
+    walked = f"; where people walked {error.walked}" if error.walked else ""
+    return f"predicted median over {error.over}; one in ten is over {error.p90}{walked}"

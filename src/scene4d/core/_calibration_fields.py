@@ -6,7 +6,7 @@ from jaxtyping import Float
 from scene4d.core.json_object import JsonObject
 
 
-def percentiles(fields: JsonObject, name: str) -> dict[str, float] | None:
+def errors_in(fields: JsonObject, name: str) -> dict[str, float] | None:
     if name not in fields:
         return None
     inside = fields.object(name)

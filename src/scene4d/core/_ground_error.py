@@ -73,5 +73,8 @@ def propagated(jacobian: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def sigma_m(jacobian: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    sigma_m: np.ndarray = np.sqrt(np.trace(propagated(jacobian, covariance), axis1=1, axis2=2))
+    """Root of the trace of :func:`propagated`, for derivatives (n, 2, 7)."""
+    flat = jacobian.reshape(-1, len(covariance))
+    variance = np.einsum("np,np->n", flat @ covariance, flat).reshape(-1, 2).sum(axis=1)
+    sigma_m: np.ndarray = np.sqrt(np.maximum(variance, 0.0))
     return sigma_m

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from scene4d.core._calibration_fields import (
+    errors_in,
     over_all_parameters,
-    percentiles,
     texts,
     uncertainty,
 )
@@ -19,7 +19,6 @@ from scene4d.core._ground_error import (
     propagated,
     rigid_motions,
 )
-from scene4d.core._ground_error import sigma_m as _sigma_m
 from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.camera import SCHEMA, SCHEMAS, Camera
 from scene4d.core.errors import InputError
@@ -60,7 +59,9 @@ class Calibration:
     distances and shapes that remains after the best rigid motion of the whole scene; *from the
     camera* is the error of positions in the world of the camera (origin below it, heading along
     +Y). ``ground_error_m`` and ``ground_error_from_camera_m`` hold the median and the 90th
-    percentile of the two over the area where people walked.
+    percentile ("p90") of the two over the ground in view, all places alike, from the camera to the
+    distance ("out_to_m") within which people were seen; "walked_median" is the median where they
+    walked. Files of older versions hold only "median" and "p90", of where people walked.
 
     ``segments`` (pixels of the footage) are the people used for the calibration, with ``inlier``
     and ``residual`` by row; ``residual`` is the distance between the observed and the predicted
@@ -234,22 +235,10 @@ class Calibration:
         (height_m, sigma_m), centre = self.ground_height_m(uv), self._camera().centre_m
         return (centre[:2] - xy_m) * (sigma_m / (centre[2] - height_m))[:, None]
 
-    def walked_ground_sigma_m(
-        self,
-    ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
-        """Ground points (n, 2) of a sample of the feet, and of the landmarks, with both errors of
-        :meth:`ground_sigma_m`: within the scene, and from the camera.
-        """
-        xy, jacobian, valid = self.ground_jacobian(self._some_feet_uv())
-        xy, jacobian = xy[valid], jacobian[valid]
-        within = jacobian - rigid_motions(xy) @ common_motion(xy, jacobian)
-        sigma_m = [_sigma_m(j, self.parameter_covariance) for j in (within, jacobian)]
-        return xy, sigma_m[0], sigma_m[1]
-
     def _motion(self, over_uv: np.ndarray | None = None) -> Float[np.ndarray, "3 7"]:
         """``scene_motion``, or that over other pixels."""
         if over_uv is None and self.segments is not None:
-            over_uv = self._some_feet_uv()
+            over_uv = self.walked_uv()
         if over_uv is not None:
             xy, jacobian, valid = self.ground_jacobian(over_uv)
             return common_motion(xy[valid], jacobian[valid])
@@ -260,7 +249,8 @@ class Calibration:
             )
         return self.scene_motion
 
-    def _some_feet_uv(self) -> np.ndarray:
+    def walked_uv(self) -> Float[np.ndarray, "n 2"]:
+        """A sample of the feet that agree with the camera, with vehicles and landmarks."""
         feet = np.empty((0, 2)) if self.segments is None else self.segments.foot_uv
         feet = feet if self.inlier is None else feet[self.inlier]
         feet = feet[:: max(1, len(feet) // _FEET)]
@@ -329,7 +319,7 @@ class Calibration:
         camera = Camera.from_fields(fields)
         height = "person_height_m"
         covariance, scene_motion = uncertainty(fields, (PARAMETERS, PARAMETERS[:_FIRST]))
-        within, from_camera = (percentiles(fields, name) for name in _ERRORS)
+        within, from_camera = (errors_in(fields, name) for name in _ERRORS)
         frames, people, inliers = (
             fields.integer(name, least=0) if name in fields else 0
             for name in ("frames", "people", "inliers")

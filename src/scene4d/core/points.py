@@ -33,7 +33,7 @@ def as_points(
 
     Boxes become the centres of their bottom edges. Raises :class:`InputError` naming ``name``.
     """
-    if isinstance(values, Boxes):
+    if not isinstance(values, np.ndarray) and isinstance(values, Boxes):
         x1, _, x2, y2 = np.asarray(values.xyxy, float).reshape(-1, 4).T
         return np.column_stack([(x1 + x2) / 2, y2]), False
     try:

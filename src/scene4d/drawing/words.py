@@ -66,13 +66,28 @@ def verdict(calibration: Calibration) -> str:
     errors = ground_error_texts(calibration)
     if not errors:
         return text + "."
-    medians = [f"{median} {name}" for name, median, _ in errors]
-    return f"{text}; positions on the ground are good to about {' and '.join(medians)} (medians)."
+    medians = [f"{error.median} {error.name}" for error in errors]
+    return (
+        f"{text}; positions on the ground are good to about {' and '.join(medians)} "
+        f"(medians over {errors[0].over})."
+    )
 
 
-def ground_error_texts(calibration: Calibration) -> list[tuple[str, str, str]]:
-    """The two predicted ground errors where people walked: name, median and 90th percentile.
-    Unknown errors are left out.
+@dataclass(frozen=True)
+class ErrorText:
+    """A predicted error on the ground: median and 90th percentile, over what they are taken, and
+    the median where people walked, empty where unknown.
+    """
+
+    name: str
+    median: str
+    p90: str
+    over: str
+    walked: str
+
+
+def ground_error_texts(calibration: Calibration) -> list[ErrorText]:
+    """The two predicted ground errors. Unknown errors are left out.
 
     *Within the scene* is the error of positions relative to each other: a shift or rotation of the
     whole scene does not count. *From the camera* counts it: it is the error of a distance to the
@@ -83,10 +98,18 @@ def ground_error_texts(calibration: Calibration) -> list[tuple[str, str, str]]:
         ("from the camera", calibration.ground_error_from_camera_m),
     )
     return [
-        (name, rounded_m(error["median"]), rounded_m(error["p90"]))
+        _error_text(name, error)
         for name, error in rows
         if error is not None and np.isfinite([error["median"], error["p90"]]).all()
     ]
+
+
+def _error_text(name: str, error: dict[str, float]) -> ErrorText:
+    over, walked = "the places where people walked", ""
+    if "out_to_m" in error:
+        over = f"the ground in view, out to {number(error['out_to_m'], 0)}\u00a0m"
+        walked = rounded_m(error["walked_median"])
+    return ErrorText(name, rounded_m(error["median"]), rounded_m(error["p90"]), over, walked)
 
 
 def rounded_m(metres: float) -> str:
