@@ -85,16 +85,15 @@ class Scores:
         free = np.array([c for c in problem.columns if not (within_tracks and c == HEIGHT)])
         residual, weight, columns, base, by_height = _robust(problem, state, fields, width, free)
         precision, pull = _other_terms(problem, state, fields, free)
-        hessian = np.einsum("pcn,cn,qcn->pq", columns, weight, columns) + precision
-        gradient = np.einsum("pcn,cn,cn->p", columns, weight, residual) + pull
+        flat = columns.reshape(len(columns), -1)
+        hessian = (columns * weight).reshape(flat.shape) @ flat.T + precision
+        gradient = flat @ (weight * residual).ravel() + pull
         stiffness = 1e-6 if within_tracks else 1 / state.noise.height_m**2
         pairs = [residual, base, *columns]
         self._all = np.stack([(weight * base * v).sum(axis=0) for v in pairs])
         heights = [(weight * by_height * v).sum(axis=0) for v in (by_height, *pairs)]
-        self._order = problem.tracked[np.argsort(problem.person, kind="stable")]
-        self._starts = np.searchsorted(np.sort(problem.person), np.arange(problem.n_heights))
-        self._pull = heights[2][self._order]  # what a row inside adds to its height's coupling
-        per_track = self._per_track(np.stack(heights)[:, self._order])
+        self._pull = heights[2]  # what a row inside adds to its height's coupling
+        per_track = problem.per_person(np.stack(heights))
         self._information = per_track[0] + stiffness
         self._height_gradient, self._coupling = per_track[1], per_track[3:]
         scaled = self._coupling / self._information
@@ -103,12 +102,6 @@ class Scores:
         self._base, self._by_height = base, by_height
         self._along = spreads(problem, state.noise)[0]
         self._gradient = gradient - scaled @ self._height_gradient
-
-    def _per_track(self, rows: np.ndarray) -> np.ndarray:
-        if len(self._starts) == 0:
-            return np.zeros((*rows.shape[:-1], 0))
-        total: np.ndarray = np.add.reduceat(rows, self._starts, axis=-1)
-        return total
 
     def of(
         self, inside: Bool[np.ndarray, "m n"] | Float[np.ndarray, "m n"]
@@ -120,7 +113,7 @@ class Scores:
         sums = shape @ self._all.T
         gradient, columns = sums[:, 0], sums[:, 2:]
         information = (shape * shape) @ self._all[1]
-        tracks = self._per_track(inside[:, self._order] * self._pull)
+        tracks = self._problem.per_person(inside * self._pull)
         scaled = tracks / self._information
         gradient = gradient - scaled @ self._height_gradient
         information = information - (scaled * tracks).sum(axis=1)
@@ -135,7 +128,7 @@ class Scores:
         standard deviation ``sigma``, on this side.
         """
         sums = self._all @ inside
-        tracks = self._per_track(inside[self._order] * self._pull)
+        tracks = self._problem.per_person(inside * self._pull)
         columns = sums[2:] - (tracks / self._information) @ self._coupling.T
         shared = self._inverse @ columns
         own = np.zeros(len(inside))

@@ -125,6 +125,8 @@ class Problem:
     def per_person(self, values: Float[np.ndarray, "*k n"]) -> Float[np.ndarray, "*k t"]:
         """Sums over the sightings of everybody who has a height."""
         rows, starts = self._by_person
+        if len(starts) == 0:
+            return np.zeros((*values.shape[:-1], 0))
         sums: np.ndarray = np.add.reduceat(values[..., rows], starts, axis=-1)
         return sums
 
