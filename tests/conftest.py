@@ -5,6 +5,7 @@ meant to be checked was not.
 """
 
 import os
+import sys
 from collections.abc import Generator
 from pathlib import Path
 
@@ -31,6 +32,17 @@ def shared_data() -> Path:
     if not SHARED.is_dir():
         pytest.skip(f"the real recordings are not at {SHARED}; set SCENE4D_DATA")
     return SHARED
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep compiled code where Python is told to write none beside its sources: tests start the
+    program some fifty times, and each time it would compile a thousand modules.
+    """
+    if sys.dont_write_bytecode and hasattr(config, "cache"):
+        sys.pycache_prefix = str(config.cache.mkdir("bytecode"))
+        sys.dont_write_bytecode = False
+        os.environ["PYTHONPYCACHEPREFIX"] = sys.pycache_prefix
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 def _fail_a_skip(report):

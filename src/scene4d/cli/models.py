@@ -85,7 +85,7 @@ def _packaged() -> "WeightStatus":
 
     from scene4d.perception.weights import WeightStatus
 
-    file = Path(str(files("scene4d.perception.orientation").joinpath("network.onnx")))
+    file = Path(str(files("scene4d.perception").joinpath("orientation", "network.onnx")))
     present = file.is_file()
     size = file.stat().st_size if present else 0
     licence = "as scene4d (made for it; docs/orientation.md)"
