@@ -14,6 +14,8 @@ from hypothesis import settings
 
 import type_checks
 
+# Each worker has a core; read by workers and by programs that are started, which load numpy later.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 type_checks.install()
 
 # A busy machine is no failure, and CI judges a change, not its luck: the same examples each time.

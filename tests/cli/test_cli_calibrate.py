@@ -18,15 +18,15 @@ FILES = {"camera.json", "report.html", "people.parquet", "figures"}
 @pytest.mark.weights
 @pytest.mark.shared_data
 def test_real_footage(spawn, networks, pets, tmp_path):
-    """PETS S2L1 in 20 frames, in a process of its own, whose camera is published."""
+    """PETS S2L1 in 10 frames, in a process of its own, whose camera is published."""
     out = tmp_path / "new" / "folder"
-    done = spawn(["calibrate", pets, "--frames", 20, "--out", out, "--json"])
+    done = spawn(["calibrate", pets, "--frames", 10, "--out", out, "--json"])
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)  # one object and nothing else
     assert found["status"] == "ok" and found["image_size"] == [768, 576]
     assert found["height_m"] == pytest.approx(7.07, rel=0.15)
     assert found["tilt_deg"] == pytest.approx(16.48, abs=3)
-    assert found["frames"] == 20 and found["people"] >= found["inliers"] > 60
+    assert found["frames"] == 10 and found["people"] >= found["inliers"] > 30
     assert_complete(out, found)
     assert_only_messages(done.stderr)
 

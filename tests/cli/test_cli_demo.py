@@ -79,7 +79,7 @@ def test_the_whole_chain(run, networks, pets, tmp_path, monkeypatch, plain_repor
         return demo._from_embedded_people(pets, "in this test", progress), pets
 
     monkeypatch.setattr(demo, "_calibrated", quickly)
-    monkeypatch.setattr(demo, "_TRACKED_S", 3.0)
+    monkeypatch.setattr(demo, "_TRACKED_S", 2.0)
     out = tmp_path / "out"
     done = run("demo", "--out", out)
     assert done.exit_code == 0, done.stderr
@@ -90,10 +90,10 @@ def test_the_whole_chain(run, networks, pets, tmp_path, monkeypatch, plain_repor
     assert rerun.exit_code == 0, rerun.stderr
     again = json.loads(rerun.stdout)
     assert again["people_from"] == "video" and again["error"] is None
-    assert again["search"]["events"], "somebody walks in the first three seconds"
+    assert again["search"]["events"], "somebody walks in the first two seconds"
     scene = Scene.open(again["scene"])
     people = scene.tracks(classes=["person"])
-    assert len(np.unique(people.track)) >= 4 and np.ptp(people.time_s) == pytest.approx(3, abs=0.3)
+    assert len(np.unique(people.track)) >= 4 and np.ptp(people.time_s) == pytest.approx(2, abs=0.3)
 
 
 @pytest.mark.weights

@@ -13,7 +13,7 @@ from scene4d.formats.cameras import write_camera
 from scene4d.store.query import Scene
 from scene4d.tracking._people import locate_people
 
-FRAMES = 25
+FRAMES = 15
 
 
 @pytest.fixture
@@ -98,7 +98,7 @@ def test_bad_input_is_one_clear_line(run, scene, tmp_path, arguments, code, mess
 @pytest.mark.weights
 @pytest.mark.usefixtures("networks")
 def test_real_footage_with_the_true_camera(spawn, pets, shared_data, tmp_path):
-    """Two and a half seconds of PETS: people within a few decimetres, and the parked van."""
+    """One and a half seconds of PETS: people within a few decimetres, and the parked van."""
     clip = tmp_path / "clip.mkv"
     with av.open(str(pets)) as source, av.open(str(clip), "w") as target:
         stream = target.add_stream("ffv1", rate=10)
