@@ -23,6 +23,9 @@ _jaxtyped = jaxtyping.jaxtyped
 _PASSED: dict[Hashable, set[Hashable]] = defaultdict(set)
 """By function. Closures are made anew with each call, and one code stands for all of them."""
 
+_TOLD: set[type] = set()
+"""Classes whose values annotations tell apart by nothing else."""
+
 
 def install() -> None:
     """Check what is imported of the package from now on."""
@@ -90,16 +93,18 @@ def _returning(result: object, function: Callable) -> Callable:
 def _kind_of(value: Any) -> Hashable:
     """All that a check of this value depends on; None where the value does not tell it."""
     known = value.__class__
+    if known in _TOLD:
+        return known
     if known is np.ndarray:
         return value.shape, value.dtype
     if known is tuple:
         kinds = tuple(map(_kind_of, value))
         return None if None in kinds else kinds
-    if known is str or isinstance(value, type):
+    if known is str:
         return value
-    return known if _is_told_by_class(known) else None
-
-
-@functools.cache
-def _is_told_by_class(known: type) -> bool:
-    return not (issubclass(known, (np.ndarray, tuple)) or hasattr(known, "__iter__"))
+    if isinstance(value, type):
+        return type, value
+    if isinstance(value, (np.ndarray, tuple)) or hasattr(known, "__iter__"):
+        return None
+    _TOLD.add(known)
+    return known

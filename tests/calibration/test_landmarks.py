@@ -86,10 +86,24 @@ def nobody() -> Segments:
     return Segments.from_points(np.zeros((0, 2)), np.zeros((0, 2)))
 
 
+LENS = build_lens((1920, 1080), 60)
+CAMERA = build_camera(LENS, 25, 3, 6.0)
+
+
 @pytest.fixture
 def measured() -> Measured:
-    lens = build_lens((1920, 1080), 60)
-    return Measured(build_camera(lens, 25, 3, 6.0), np.random.default_rng(4))
+    return Measured(CAMERA, np.random.default_rng(4))
+
+
+@pytest.fixture(scope="module")
+def mistyped() -> Calibration:
+    """A camera from seven points, the first of which is 3 m off, an upright and a distance."""
+    measured = Measured(CAMERA, np.random.default_rng(4))
+    first, *others = measured.points(7)
+    x, y = first.xy_m
+    wrong = replace(first, xy_m=(x + 3.0, y), name="<drain>")
+    known = Landmarks((wrong, *others), measured.uprights(1), measured.distances(1))
+    return solve_points(nobody(), (1920, 1080), landmarks=known)
 
 
 def all_kinds(measured: Measured) -> Landmarks:
@@ -172,16 +186,13 @@ def test_the_scale_follows_the_points_against_the_people():
     assert len(said) == 1 and "people would be 1.3" in said[0]
 
 
-def test_a_mistyped_point_is_named_and_left_out(measured):
-    first, *others = measured.points(7)
-    x, y = first.xy_m
-    wrong = replace(first, xy_m=(x + 3.0, y), name="drain")
-    found = solve_points(nobody(), (1920, 1080), landmarks=Landmarks((wrong, *others)))
+def test_a_mistyped_point_is_named_and_left_out(mistyped):
+    found = mistyped
     assert found and found.landmarks is not None
-    assert found.landmarks.used.tolist() == [False] + [True] * 6
+    assert found.landmarks.used.tolist() == [False] + [True] * 8
     assert isclose(found.landmarks.off_m[0], 3.0, abs_tol=0.5)
-    assert any("The landmark drain is" in text for text in found.warnings)
-    truth = parameters_of(measured.camera)[:4]
+    assert any("The landmark <drain> is" in text for text in found.warnings)
+    truth = parameters_of(CAMERA)[:4]
     assert found.camera is not None
     assert (np.abs(parameters_of(found.camera)[:4] - truth) < 4 * sigmas_of(found)).all()
 
@@ -222,12 +233,8 @@ def test_one_or_two_landmarks_alone_are_refused_with_what_helps(measured):
     assert "four or more ground points" in str(found.reason).rpartition("; ")[2]
 
 
-def test_the_report_lists_and_draws_them(measured):
-    wrong, *others = measured.points(7)
-    wrong = replace(wrong, xy_m=(wrong.xy_m[0] + 4.0, wrong.xy_m[1]), name="<drain>")
-    known = Landmarks((wrong, *others), measured.uprights(1), measured.distances(1))
-    found = solve_points(nobody(), (1920, 1080), landmarks=known)
-    files = report_files(Run(found, "yard"))
+def test_the_report_lists_and_draws_them(mistyped):
+    files = report_files(Run(mistyped, "yard"))
     page = files["report.html"].decode()
     assert "&lt;drain&gt;" in page and "left out" in page and "upright 1" in page
     assert "the camera stands at" in page and "distance 1" in page
