@@ -184,8 +184,11 @@ def test_a_picture_that_the_lens_bends_is_read_again_without_that(crowd, monkeyp
     assert moved[0] == pytest.approx(moved[1], rel=0.5)
     assert found and network_words(found) == [], "the second reading fits, the first did not"
     assert "roll" in " ".join(network_words(guided(crowd))), "this lens bends nothing"
-    guided(replace(seen, from_box=np.ones(len(seen), bool)))
-    assert len(lenses) == 1, "boxes do not tell a lens"
+    boxes = replace(seen, from_box=np.ones(len(seen), bool))
+    guided(boxes)
+    assert len(lenses) == 1, "boxes that belong to nobody do not tell a lens"
+    guided(replace(boxes, track=np.arange(len(boxes))))
+    assert len(lenses) == 2
 
 
 @pytest.fixture

@@ -41,11 +41,11 @@ def solve_guided(
 ) -> Calibration:
     """As :func:`.solve_segments`, with the network's ``reading`` where ``options`` ask for it.
 
-    ``alone`` is the joint method's answer without the network, where it is known already. Where it
-    says that the lens bends the footage, the network reads the scene in ``image_bgr`` once more
-    without that: it learned from pictures that hardly any lens bends. Boxes alone do not say it:
-    what detectors get wrong over the picture passes for distortion (Faster R-CNN on PETS 2009: six
-    sigmas).
+    ``alone`` is the joint method's answer without the network, where it is known already. Where
+    people say that the lens bends the footage, the network reads the scene in ``image_bgr`` once
+    more without that: it learned from pictures that hardly any lens bends. Boxes that belong to no
+    track are not asked: counted each for itself, what a detector gets wrong over the picture passes
+    for distortion (Faster R-CNN on PETS 2009: by six sigmas).
     """
 
     def solve(asked: CalibrateOptions, *, guessed: bool = False) -> Calibration:
@@ -64,16 +64,19 @@ def solve_guided(
         text = contradicted(alone, believed)
         return saying(found, f"{text} The reading was kept.") if text else found
 
-    if alone and image_bgr is not None and reading.lens is None:
-        reading = _read_straight(image_bgr, alone) or reading
+    def guided(stated: Orientation) -> Calibration:
+        guess = as_guess(stated)
+        return alone if guess is None else solve(replace(options, orientation=guess), guessed=True)
+
+    if image_bgr is not None and reading.lens is None:
+        tracked = bool((segments.track >= 0).all())
+        bent = guided(reading.orientation) if tracked and not alone else alone
+        reading = _read_straight(image_bgr, bent) or reading
     stated = reading.orientation
     text = contradicted(alone, stated)
     if text:
         return _without(alone, text)
-    guess = as_guess(stated)
-    if guess is None:
-        return alone
-    found = solve(replace(options, orientation=guess), guessed=True)
+    found = guided(stated)
     if alone or not found:
         return found or alone
     text = contradicted(found, stated)
@@ -86,10 +89,13 @@ def solve_guided(
     )
 
 
-def _read_straight(image_bgr: np.ndarray, alone: Calibration) -> OrientationReading | None:
-    """What the network reads without the distortion of a camera; None where there is hardly any."""
-    assert alone.camera is not None
-    lens = alone.camera.lens
+def _read_straight(image_bgr: np.ndarray, found: Calibration) -> OrientationReading | None:
+    """What the network reads without the distortion of a camera that was found; None where there is
+    hardly any, or no camera.
+    """
+    if found.camera is None:
+        return None
+    lens = found.camera.lens
     corner = np.zeros((1, 2))
     shift = np.hypot(*(lens.undistort(corner)[0] - corner)[0])
     if shift < _BENT * np.hypot(*lens.image_size) / 2:

@@ -32,8 +32,8 @@ _NO_PICTURES = (
     "There are no pictures here for the orientation network to read: its lines are left out."
 )
 _LENT = (
-    "Lines of boxes alone use what the orientation network reads in the pictures of the same "
-    "camera."
+    "Lines of boxes alone use what the pictures of the same camera show: its straight edges, and "
+    "what the orientation network reads in them."
 )
 _GRID = (48, 32)
 """Columns and rows of pixels that serve as ground points where no file gives any: one every 16 to
@@ -215,17 +215,28 @@ def _evaluated(
 
 
 def _lent(inputs: Sequence[Input], notes: list[str]) -> list[Input]:
-    """The inputs; those without pictures borrow the network's readings of one that has some."""
+    """The inputs; those without pictures borrow from one that has some what the network reads in
+    them and the scene's edges.
+    """
     lenders = [given for given in inputs if given.seen.reading is not None]
     if not lenders:
         notes.append(_NO_PICTURES)
         return list(inputs)
     if len(lenders) < len(inputs):
         notes.append(_LENT)
-    reading, straightened = lenders[0].seen.reading, lenders[0].straightened
+    lent, straightened = lenders[0].seen, lenders[0].straightened
     return [
         given
         if given.seen.reading is not None
-        else replace(given, seen=replace(given.seen, reading=reading), straightened=straightened)
+        else replace(
+            given,
+            seen=replace(
+                given.seen,
+                reading=lent.reading,
+                edges_xyxy=lent.edges_xyxy,
+                image_bgr=lent.image_bgr,
+            ),
+            straightened=straightened,
+        )
         for given in inputs
     ]

@@ -68,13 +68,11 @@ def trials(given: Input, truth: Orientation | None) -> Iterator[Trial]:
     reads pictures that are free of its distortion.
     """
     keypoints = not person_segments(given.seen.detections).from_box.all()
-    boxes = replace(
-        given.seen, detections=given.seen.detections.without_keypoints(), edges_xyxy=None
-    )
+    boxes = replace(given.seen, detections=given.seen.detections.without_keypoints())
     of_boxes = f"{given.footage}, boxes" if keypoints else given.footage
-    blind = replace(given, seen=boxes)
-    yield from _paper_trials(of_boxes, blind, truth)
-    yield from _joint_trials(of_boxes, blind, has_truth=truth is not None)
+    boxed = replace(given, seen=boxes)
+    yield from _paper_trials(of_boxes, boxed, truth)
+    yield from _joint_trials(of_boxes, boxed, has_truth=truth is not None)
     if keypoints:
         name = f"{given.footage}, keypoints"
         yield from _joint_trials(name, given, has_truth=truth is not None, headline=True)
