@@ -92,6 +92,13 @@ def test_bad_files_are_named(run, files, tmp_path, changed, message):
     assert not out.exists()
 
 
+@pytest.mark.parametrize("given", [(), ("--camera", "camera.json", "--footage", "one.mp4")])
+def test_a_camera_or_footage_but_not_both(run, files, given):
+    result = run("evaluate", "custom", *given, "--reference", files["true.json"])
+    assert result.exit_code == 2
+    assert "give either a camera or footage" in result.stderr
+
+
 def test_a_folder_without_the_data(run, tmp_path):
     for name in ("pets", "towncentre", "virat"):
         result = run("evaluate", name, "--data", tmp_path)

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,8 +12,9 @@ from scene4d.calibration.watching import Seen
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Detections, Segments
 from scene4d.core.progress import Silent
-from scene4d.evaluation import Reference
+from scene4d.evaluation import EvaluateOptions, Reference, evaluate_footage
 from scene4d.evaluation.trials import _cameras as cameras
+from scene4d.evaluation.trials import _methods as methods
 from scene4d.evaluation.trials._methods import Input, trials
 from strategies import build_camera, build_lens, people_scene
 
@@ -104,3 +106,19 @@ def test_lines_without_pictures_borrow_the_reading_of_the_same_camera(
     dark = cameras._evaluated("pets", reference, [blind], [], Silent())
     assert tried[-1].seen.reading is None
     assert "no pictures" in dark.notes[0]
+
+
+def test_footage_of_your_own_is_held_against_its_true_camera(footage, monkeypatch, tmp_path):
+    """The feet that are seen are the points; a reference of half the size is scaled to it."""
+    cv2.imwrite(str(tmp_path / "one.png"), np.zeros((SIZE[1], SIZE[0], 3), np.uint8))
+    CAMERA.scaled_to((SIZE[0] // 2, SIZE[1] // 2)).save(tmp_path / "half.json")
+    monkeypatch.setattr(cameras, "_watched", lambda *_: footage)
+    monkeypatch.setattr(cameras, "person_segments", methods.person_segments)
+    monkeypatch.setattr(cameras, "HEIGHTS_M", (1.7,))
+    options, source = EvaluateOptions(), tmp_path / "one.png"
+    found = evaluate_footage(source, tmp_path / "half.json", options, Silent())
+    np.testing.assert_allclose(found.reference.camera.P, CAMERA.P, rtol=1e-6)
+    assert found.reference.image_size == SIZE and found.reference.n_points == 12
+    by_lens = [o for o in found.outcomes if o.setting.given == "lens" and o.score is not None]
+    assert by_lens and all(o.score.error.mean_m < 2 * o.score.predicted_m for o in by_lens)
+    assert "the feet of the people seen" in found.notes[0]

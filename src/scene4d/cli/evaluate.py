@@ -119,13 +119,21 @@ def custom(
     job: Job,
     *,
     camera: Annotated[
-        Path,
+        Path | None,
         typer.Option(
             metavar="FILE",
             help="The calibration: camera.json or any known camera format.",
             show_default=False,
         ),
-    ],
+    ] = None,
+    footage: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SOURCE",
+            help="Footage to calibrate from, in every way there is, instead of --camera.",
+            show_default=False,
+        ),
+    ] = None,
     reference: Annotated[
         Path,
         typer.Option(
@@ -153,21 +161,30 @@ def custom(
     ] = None,
     out: _Out = None,
 ) -> Answer:
-    """Compare any calibration with any reference.
+    """Compare any calibration, or what your footage gives, with any reference.
 
     Both describe the same footage, as decoded. Their headings and origins may differ: the two maps
-    are aligned by a rigid motion, as in the paper.
+    are aligned by a rigid motion, as in the paper. With --footage it is calibrated by every method,
+    with and without the true lens, at the feet of the people seen in it.
 
     [bold]Examples[/bold]
 
       scene4d evaluate custom --camera out/camera.json --reference surveyed.krtd
       scene4d evaluate custom --camera out/camera.json --reference img2world.txt \\
           --points out/people.parquet --out score
+      scene4d evaluate custom --footage yard.mp4 --reference surveyed.json \\
+          --out score
     """
-    from scene4d.evaluation import EvaluateOptions, evaluate_custom
+    from scene4d.evaluation import EvaluateOptions, evaluate_custom, evaluate_footage
 
     size = None if image_size is None else parse_image_size(image_size)
     options = EvaluateOptions(points=points, image_size=size)
+    if (camera is None) == (footage is None):
+        raise typer.BadParameter("give either a camera or footage", param_hint="--camera")
+    if camera is None:
+        return _evaluated(
+            job, lambda step: evaluate_footage(str(footage), reference, options, step), out
+        )
     return _evaluated(job, lambda _: evaluate_custom(camera, reference, options), out)
 
 

@@ -13,6 +13,7 @@ from scene4d.evaluation.measures._correspondence import (
 )
 from scene4d.evaluation.trials._cameras import (
     evaluate_custom,
+    evaluate_footage,
     evaluate_pets,
     evaluate_towncentre,
     evaluate_virat,
@@ -26,6 +27,7 @@ __all__ = [
     "Reference",
     "correspondence_error",
     "evaluate_custom",
+    "evaluate_footage",
     "evaluate_meva",
     "evaluate_pets",
     "evaluate_towncentre",

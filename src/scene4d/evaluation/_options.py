@@ -17,7 +17,7 @@ class EvaluateOptions:
 
     ``clip`` names a clip of VIRAT (the first by default). ``image_size`` is that of the footage,
     where no file says it. ``points`` is a file of ground points in pixels, for
-    :func:`.evaluate_custom`. ``cameras`` are those of MEVA to report.
+    :func:`.evaluate_custom` and :func:`.evaluate_footage`. ``cameras`` are those of MEVA to report.
     """
 
     clip: str | None = None

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from scene4d.calibration import person_segments
 from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.orienting import read_orientation
 from scene4d.calibration.watching import Seen, annotated, watch
@@ -123,18 +124,50 @@ def evaluate_custom(
     else:
         of = Path(options.points).name
         uv = read_points(options.points, image_size=found.image_size)
-    known = replace(bare, feet_uv=uv)
-    count = len(known.walked_uv)
-    if count < _FEWEST:
-        raise InputError(
-            f"{reference}: only {count} of {len(uv)} points lie on its ground and in the picture, "
-            f"and {_FEWEST} are needed: give points, a file of pixels on the ground"
-        )
-    known = replace(known, n_points=min(POINTS, count))
+    known = _over(bare, uv)
     outcome = Outcome.scored(Setting(Path(camera).name, found.method, given=""), found, known)
     image = calibrated_view(Path(camera).with_name(BACKGROUND), found.image_size)
     note = f"The points are {known.n_points} spread over {of}."
     return Evaluation("custom", known, (outcome,), image, (note,))
+
+
+def evaluate_footage(
+    source: str | Path, reference: str | Path, options: EvaluateOptions, progress: Progress
+) -> Evaluation:
+    """Everything that can be tried on footage of your own whose camera is known.
+
+    The feet of the people who are seen serve as ground points, unless ``points`` are among the
+    options. A reference measured on images of another size is scaled to the footage. Raises
+    :class:`InputError` as :func:`evaluate_custom`, and for footage that cannot be read.
+    """
+    from scene4d.video.reader import open_source
+
+    with open_source(source) as footage:
+        size = footage.image_size
+    truth = read_reference(reference, image_size=size)
+    bare = Reference(Path(reference).name, truth, np.empty((0, 2)))
+    seen = _watched("footage", Path(source), CalibrateOptions(), bare, progress)
+    if options.points is None:
+        of, uv = "the feet of the people seen", person_segments(seen.seen.detections).foot_uv
+    else:
+        of, uv = Path(options.points).name, read_points(options.points, image_size=size)
+    known = _over(bare, uv)
+    notes = [f"The points are {known.n_points} spread over {of}."]
+    return _evaluated("custom", known, [seen], notes, progress)
+
+
+def _over(bare: Reference, uv: Float[np.ndarray, "n 2"]) -> Reference:
+    """The reference with these pixels as its ground points; raises :class:`InputError` where too
+    few of them lie on its ground.
+    """
+    known = replace(bare, feet_uv=uv)
+    count = len(known.walked_uv)
+    if count < _FEWEST:
+        raise InputError(
+            f"{bare.name}: only {count} of {len(uv)} points lie on its ground and in the picture, "
+            f"and {_FEWEST} are needed: give points, a file of pixels on the ground"
+        )
+    return replace(known, n_points=min(POINTS, count))
 
 
 def _grid(reference: Reference) -> Float[np.ndarray, "n 2"]:
