@@ -15,18 +15,6 @@ def turned(images: Images, quarters: int) -> Iterator[np.ndarray]:
     return (np.ascontiguousarray(np.rot90(image, quarters)) for image in images)
 
 
-def panned(images: Images, pan_px: float = 0.0, zoom: float = 1.0) -> Iterator[np.ndarray]:
-    """Slowly panned, and zoomed, from nothing in the first frame to this much in the last."""
-    for i, image in enumerate(images):
-        share = i / max(len(images) - 1, 1)
-        height, width = image.shape[:2]
-        # Cut to the inside, so that no border comes into the picture.
-        scale = 1.12 * (1 + (zoom - 1) * share)
-        matrix = cv2.getRotationMatrix2D((width / 2, height / 2), 0, scale)
-        matrix[0, 2] += pan_px * share
-        yield cv2.warpAffine(image, matrix, (width, height))
-
-
 def spliced(
     first: Images, second: Images, is_second: Callable[[int], bool]
 ) -> Iterator[np.ndarray]:
@@ -35,15 +23,6 @@ def spliced(
     for i, image in enumerate(first):
         other = second[i % len(second)]
         yield cv2.resize(other, (width, height)) if is_second(i) else image
-
-
-def on_television(images: Images, room: Images, at_xyxy: tuple[int, int, int, int]):
-    """``images`` on a screen at ``at_xyxy`` of ``room``."""
-    x1, y1, x2, y2 = at_xyxy
-    for i, image in enumerate(images):
-        out = room[i % len(room)].copy()
-        out[y1:y2, x1:x2] = cv2.resize(image, (x2 - x1, y2 - y1), interpolation=cv2.INTER_AREA)
-        yield out
 
 
 def write_video(path: Path, images, rate: int = 10) -> Path:
