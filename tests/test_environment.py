@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-HEAVY = {"cv2", "av", "onnxruntime", "supervision", "matplotlib", "scipy"}
+HEAVY = {"cv2", "av", "onnx", "onnxruntime", "supervision", "matplotlib", "scipy"}
 TOOLS_OF_THE_ENVIRONMENT = {"setuptools", "wheel"}  # some Pythons put them into each new one
 
 

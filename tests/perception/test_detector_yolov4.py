@@ -1,12 +1,14 @@
 import csv
 from pathlib import Path
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
-from scene4d.perception.detectors import _yolov4 as yolov4
+from scene4d.core.errors import InputError
+from scene4d.perception._session import open_session
+from scene4d.perception.detectors._darknet import onnx_of_darknet
+from scene4d.perception.weights import weight_path
 
 PETS_VEHICLES = np.array([[651.9, 44.1, 723.2, 100.4], [734.7, 49.6, 767.5, 92.5]])
 """The parked van and the car that the border cuts; drawn by hand, good to about 2 px."""
@@ -75,25 +77,6 @@ def test_bicycles_are_found_under_their_coco_names(vehicle_detector, shared_data
 
 
 @pytest.mark.weights
-def test_opencv_has_its_threads_back(vehicle_detector, monkeypatch):
-    alone = vehicle_detector.expecting(None)
-    monkeypatch.setattr(yolov4, "THREADS", 1)
-    before, seen = cv2.getNumThreads(), []
-    forward = alone._net.forward
-    watched = SimpleNamespace(
-        setInput=alone._net.setInput,
-        forward=lambda names: (seen.append(cv2.getNumThreads()), forward(names))[1],
-    )
-    monkeypatch.setattr(alone, "_net", watched)
-    cv2.setNumThreads(2)
-    try:
-        alone.detect(np.zeros((60, 80, 3), np.uint8))
-        assert (seen, cv2.getNumThreads()) == ([1], 2)
-    finally:
-        cv2.setNumThreads(before)
-
-
-@pytest.mark.weights
 @pytest.mark.shared_data
 def test_boxes_are_those_of_the_picture_given_whatever_its_shape(vehicle_detector, pets_frames):
     image = pets_frames[0].image_bgr
@@ -105,3 +88,53 @@ def test_boxes_are_those_of_the_picture_given_whatever_its_shape(vehicle_detecto
     assert np.abs(np.sort(once, axis=0) - np.sort(back, axis=0)).max() < 4
     assert abs(np.mean(np.sort(once, axis=0) - np.sort(back, axis=0))) < 1
     assert once.max() <= 767.5
+
+
+@pytest.mark.weights
+@pytest.mark.shared_data
+@pytest.mark.parametrize("size", [(608, 608), (416, 320)])
+def test_the_converted_network_is_that_which_opencv_reads(
+    vehicle_detector, shared_data, pets_frames, size
+):
+    layers, weights = weight_path("yolov4-tiny-layers"), weight_path("yolov4-tiny")
+    network = cv2.dnn.readNetFromDarknet(str(layers), str(weights))
+    ours = open_session(onnx_of_darknet(layers.read_text(), weights.read_bytes(), size))
+    images = [cv2.imread(str(shared_data / f"meva/frames/{f}.jpg")) for f in ("G424", "G328")]
+    images = [cv2.resize(i, size) for i in (pets_frames[0].image_bgr, *images)]
+    blob = cv2.dnn.blobFromImages(images, 1 / 255, swapRB=True)
+    found = ours.run(None, {"picture": blob})[0]
+    for picture, rows in zip(blob, found, strict=True):
+        network.setInput(picture[None])
+        theirs = np.concatenate(network.forward(network.getUnconnectedOutLayersNames()))
+        seen = theirs[:, 5:].max(axis=1) > 0.2  # below, OpenCV says 0
+        assert 5 < seen.sum() < 500
+        centre, half = theirs[seen, :2], theirs[seen, 2:4] / 2
+        corners = np.hstack([centre - half, centre + half])
+        assert np.abs((rows[seen, :4] - corners) * np.tile(size, 2)).max() < 0.1
+        assert np.abs(rows[seen, 4:].max(axis=1) - theirs[seen, 5:].max(axis=1)).max() < 1e-3
+        assert (rows[~seen, 4:] < 0.201).all()
+
+
+SMALL = """[net]
+[convolutional]
+batch_normalize=1
+filters=4
+size=3
+stride=2
+pad=1
+activation=leaky
+"""
+
+
+@pytest.mark.parametrize(
+    ("layers", "numbers", "said"),
+    [
+        (SMALL, 10, "the file ends before the layers do"),
+        (SMALL, 16 + 4 * 27 + 1, "found 125 numbers, the layers take 124"),
+        (SMALL + "[shortcut]\nfrom=-3", 124, "found 'shortcut', expected"),
+        (SMALL.replace("leaky", "mish"), 124, "found 'mish', expected leaky or linear"),
+    ],
+)
+def test_layers_and_weights_that_do_not_fit_are_refused(layers, numbers, said):
+    with pytest.raises(InputError, match=said):
+        onnx_of_darknet(layers, bytes(20 + 4 * numbers), (64, 64))
