@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calibration.scenes import draw_scene, errors_of, parameters_of, sigmas_of, solve_points
-from scene4d.calibration import solve_segments
+from scene4d.calibration import solve_camera, solve_segments
 from scene4d.calibration._case import ImageFrame
 from scene4d.calibration._landmarks import LandmarkTerm
 from scene4d.calibration.calibrating import Run
@@ -169,6 +169,29 @@ def test_known_noise_comes_out_as_stated(n_points, n_people):
     rms = np.sqrt(np.mean(np.square(z)))
     inside = np.mean(np.abs(z) < 1.96)
     assert 0.6 < rms < 1.35 and inside > 0.87, (rms, inside)
+
+
+def test_points_in_a_table_join_the_people(tmp_path):
+    """Two of them, far apart, tell the scale better than people do."""
+    scene = draw_scene(4, 60)
+    uv, xy_m = ground(scene.camera, 40, np.random.default_rng(4))
+    apart = np.linalg.norm(xy_m[:, None] - xy_m, axis=2)
+    ends = list(np.unravel_index(apart.argmax(), apart.shape))
+    uv, xy_m = uv[ends], xy_m[ends]
+    table = tmp_path / "two.csv"
+    rows = [f"{u},{v},{x},{y},0.02\n" for (u, v), (x, y) in zip(uv, xy_m, strict=True)]
+    table.write_text("u,v,x_m,y_m,sigma_m\n" + "".join(rows))
+    people = scene.people
+    alone, joined = (
+        solve_camera(
+            people.foot_uv, people.head_uv, image_size=scene.camera.image_size,
+            track=people.track, landmarks=landmarks,
+        )
+        for landmarks in (None, table)
+    )  # fmt: skip
+    assert joined.sigma["height_m"] < 0.9 * alone.sigma["height_m"]
+    gap = abs(joined.camera.height_m - scene.camera.height_m)
+    assert gap < 3 * joined.sigma["height_m"]
 
 
 def test_the_scale_follows_the_points_against_the_people():

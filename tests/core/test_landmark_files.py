@@ -88,3 +88,36 @@ def test_pixels_outside_the_picture_are_refused(load):
     assert load(GOOD).inside((320, 240)) == load(GOOD)
     with pytest.raises(InputError, match=r"points\[1\].*\(300, 200\) lies outside.*200x240"):
         load(GOOD).inside((200, 240))
+
+
+def test_a_table_holds_ground_points(tmp_path):
+    path = tmp_path / "measured.csv"
+    path.write_text(
+        "name;u;v;x_m;y_m;z_m;sigma_m;sigma_px\nmanhole;10;20.5;0;0;;;\n\n"
+        ";300;200;8.4;-2;0.1;0.01;1\n"
+    )
+    assert Landmarks.load(path).points == (
+        GroundPoint((10.0, 20.5), (0.0, 0.0), name="manhole"),
+        GroundPoint((300.0, 200.0), (8.4, -2.0), 0.1, 0.01, 1.0),
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("u,v,x_m\n1,2,3\n", "line 1: expected a header with the columns u, v, x_m, y_m"),
+        ("u,v,x_m,y_m,height\n", "line 1: expected a header"),
+        ("u,v,x_m,y_m\n1,2,3\n", "line 2: expected 4 cells, found 3"),
+        ("u,v,x_m,y_m\n1,2,,4\n", "line 2: x_m is empty"),
+        ("u,v,x_m,y_m\n1,2,3,4\n1,two,3,4\n", "line 3: expected a number, found 'two'"),
+        ("u,v,x_m,y_m,sigma_m\n1,2,3,4,0\n5,6,7,8,1\n", "points[0].sigma_m must be greater"),
+        ("u,v,x_m,y_m\n", "there are no landmarks"),
+        ("", "the file is empty"),
+    ],
+)
+def test_a_wrong_table_is_refused_with_its_line(tmp_path, text, said):
+    path = tmp_path / "measured.csv"
+    path.write_text(text)
+    with pytest.raises(InputError) as error:
+        Landmarks.load(path)
+    assert said in str(error.value) and "measured.csv" in str(error.value)

@@ -1,6 +1,7 @@
 """``solve_camera``: from the feet and heads of people to the camera that sees them."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -27,6 +28,7 @@ from scene4d.core.body import FOOT_HEIGHT_M, HEIGHT_SIGMA_M, PERSON_HEIGHT_M
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.ground_errors import ground_errors
+from scene4d.core.landmarks import Landmarks
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Detections, Segments
 from scene4d.core.points import ImageSize, as_image_size
@@ -55,6 +57,7 @@ def solve_camera(
     track: Int[np.ndarray, "n"] | None = None,
     prior: Orientation | None = None,
     method: str = "joint",
+    landmarks: str | Path | Landmarks | None = None,
 ) -> Calibration:
     """The camera that sees upright people with these feet and heads (undistorted pixels).
 
@@ -64,7 +67,8 @@ def solve_camera(
     population, and all uncertainties are conditional on it; ``foot_height_m`` is the height of
     the foot points above the ground. ``track`` says which rows are one person, in order of time;
     -1 is unknown. Rows of unknown track may all be one person, and the uncertainty of the scale
-    allows for it: pass ``track=np.arange(n)`` if every row is another person.
+    allows for it: pass ``track=np.arange(n)`` if every row is another person. ``landmarks`` (or
+    their file) are what was measured in the scene, in undistorted pixels too.
 
     Returns a :class:`Calibration`, false with a reason where the camera is undetermined. Raises
     :class:`InputError` for arrays that are no points, and for the paper's method without prior.
@@ -87,7 +91,8 @@ def solve_camera(
         foot_height_m=foot_height_m,
         orientation="people" if prior is None else prior,
         method=method,
-    )
+        landmarks=landmarks,
+    ).read(as_image_size(image_size))
     # Rows of points do not say which were seen at one moment: each has a frame of its own.
     segments = replace(segments, frame=np.arange(len(foot)))
     return solve_segments(segments, image_size, options)

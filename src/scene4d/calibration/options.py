@@ -33,9 +33,9 @@ class CalibrateOptions:
     fixes intrinsics and distortion; with ``estimate_focal`` only the distortion. ``orientation`` is
     ``"auto"`` (the orientation network's estimate is a guess that the people can overrule),
     ``"people"`` (no network), ``"network"`` (the network's estimate is used as is), a JSON file or
-    an :class:`Orientation`. ``landmarks`` (a JSON file, or :class:`Landmarks`) are ground points,
-    heights and distances that somebody has measured. The paper's method uses the network's estimate
-    for ``"auto"`` too.
+    an :class:`Orientation`. ``landmarks`` (a JSON or CSV file, or :class:`Landmarks`) are ground
+    points, heights and distances that somebody has measured. The paper's method uses the network's
+    estimate for ``"auto"`` too.
 
     Solver: ``method`` ``"joint"`` estimates everything together; ``"paper"`` takes focal length,
     tilt and roll from the orientation and solves for the height alone, from boxes even where

@@ -203,8 +203,9 @@ def calibrate(
        "distances": [{"uv": [[412, 530], [700, 900]],
                       "distance_m": 12.3}]}
 
-    Optional everywhere: name, sigma_px (2) and sigma_m (uprights 0.02, others 0.05); of points
-    also height_m above the ground.
+    Ground points may also be a table (.csv) with the columns u, v, x_m, y_m and, where known, z_m,
+    sigma_m, sigma_px and name. Optional everywhere: name, sigma_px (2) and sigma_m (uprights 0.02,
+    others 0.05); of points also height_m above the ground.
 
     If the people do not determine the camera, the exit code is 1, and camera.json and the report
     say what is missing.

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
+from scene4d.core._landmark_table import is_table, table_rows
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
 from scene4d.core.text import prefixed
@@ -114,10 +115,14 @@ class Landmarks:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Landmarks":
         """Read a JSON file with lists ``points``, ``uprights`` and ``distances``, of which each may
-        be missing; their fields are those of the classes above.
+        be missing; their fields are those of the classes above. A table (.csv, .tsv, .txt) holds
+        ground points: columns u, v, x_m, y_m, and of z_m (height above the ground), sigma_m,
+        sigma_px and name those that are known.
 
-        Raises :class:`InputError` naming the file and the field.
+        Raises :class:`InputError` naming the file and the field, or the line.
         """
+        if is_table(Path(path)):
+            return cls._of_table(Path(path))
         fields = JsonObject.read(path)
         fields.only(("schema", "points", "uprights", "distances"))
         if "schema" in fields and fields.text("schema") != SCHEMA:
@@ -134,6 +139,23 @@ class Landmarks:
             )
         except InputError as error:
             raise prefixed(error, Path(path)) from error
+
+    @classmethod
+    def _of_table(cls, path: Path) -> "Landmarks":
+        points = [
+            GroundPoint(
+                (row.pop("u"), row.pop("v")),
+                (row.pop("x_m"), row.pop("y_m")),
+                height_m=row.pop("z_m", 0.0),
+                name=name,
+                **row,
+            )
+            for name, row in table_rows(path)
+        ]
+        try:
+            return cls(tuple(points))
+        except InputError as error:
+            raise prefixed(error, path) from error
 
 
 @dataclass(frozen=True, eq=False)
