@@ -7,6 +7,7 @@ through: a solver calls the same functions thousands of times, and checks took f
 What is in a list, a dict or a generator cannot be told from outside: such calls are always checked.
 """
 
+import atexit
 import functools
 import inspect
 from collections import defaultdict
@@ -31,6 +32,14 @@ def install() -> None:
     """Check what is imported of the package from now on."""
     jaxtyping.jaxtyped = once  # what the hook writes above every function and class
     jaxtyping.install_import_hook("scene4d", "beartype.beartype")
+    atexit.register(_forget)
+
+
+def _forget() -> None:
+    """Keep no class of an extension alive longer than its module, which would report it."""
+    _TOLD.clear()
+    for passed in _PASSED.values():
+        passed.clear()
 
 
 @contextmanager
