@@ -109,6 +109,8 @@ def test_version(run):
     result = run("--version")
     assert result.exit_code == 0
     assert re.fullmatch(r"scene4d \d+\.\d+\.\d+\S*\n", result.stdout)
+    module = [sys.executable, "-m", "scene4d", "--version"]
+    assert subprocess.check_output(module, text=True) == result.stdout
 
 
 @pytest.mark.parametrize("arguments", [[], ["--help"], ["calibrate", "--help"], ["--version"]])
