@@ -261,7 +261,7 @@ def solve(
 def _with_noise(problem: Problem, state: State, rounds: int) -> State:
     """Refine camera and noise in turns."""
     for _ in range(rounds):
-        state, lin = descend(problem, state, steps=2, tolerance=0.1)
+        state, lin = descend(problem, state, steps=4, tolerance=0.1)
         state = replace(state, noise=updated_noise(problem, state, lin))
     return state
 

@@ -273,9 +273,10 @@ _LARGEST_STEP = np.array([0.5, 0.25, 0.25, 0.6, 0.05, 0.05, 0.05, 0.1, *[0.1] * 
 
 def _damped_step(system: NormalEquations, free: np.ndarray, damping: float) -> np.ndarray:
     step = np.zeros(N_UNKNOWNS)
-    matrix = system.hessian[free][:, free]
-    matrix[np.diag_indices_from(matrix)] *= 1 + damping
-    step[free] = -np.linalg.solve(matrix, system.gradient[free])
+    rows = np.flatnonzero(free)
+    matrix = system.hessian[rows[:, None], rows]
+    matrix.flat[:: len(rows) + 1] *= 1 + damping
+    step[rows] = -np.linalg.solve(matrix, system.gradient[rows])
     return step / max(1.0, float((np.abs(step) / _LARGEST_STEP).max()))
 
 
