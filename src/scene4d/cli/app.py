@@ -19,6 +19,7 @@ from scene4d.cli.orientation import orientation
 from scene4d.cli.output import emit, emit_json, say
 from scene4d.cli.search import search
 from scene4d.cli.track import track
+from scene4d.cli.watch import watch
 
 _EPILOG = """
 Start with [bold]scene4d demo[/bold]. Every command has [bold]--help[/bold].
@@ -83,6 +84,6 @@ def scene4d(
     """Turn a fixed camera into a metric sensor, from the people who walk through its footage."""
 
 
-for _command in (calibrate, orientation, track, search, activities, export, models, demo):
+for _command in (calibrate, orientation, track, watch, search, activities, export, models, demo):
     app.command(help=reflowed(_command.__doc__))(_command)
 app.add_typer(evaluate)

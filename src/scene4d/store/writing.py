@@ -3,20 +3,20 @@
 Parts are written to the hidden folder ``runs/.RUN/``, moved into place when the run is committed,
 and count once the manifest names them; the files they replace are removed after that. A run killed
 at any moment therefore leaves the scene as it was at the last commit. Recorded footage is committed
-once, at its end; a stream repeatedly. Readers that ignore manifests can see rows twice during a
-commit.
+once, at its end; a stream every second, with its provisional rows, which the next commit replaces.
+Until a stream's part is full its name is hidden (``.RUN-00007.parquet``), and a part that was
+replaced stays for half a minute, for those who have opened the scene. Readers that ignore manifests
+can see rows twice during a commit.
 """
 
 import hashlib
-import json
 import os
 import re
 import shutil
+import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -24,10 +24,11 @@ from typing import Any
 import numpy as np
 from filelock import FileLock
 
-from scene4d.core.errors import InputError, OutputError
+from scene4d.core.errors import InputError
 from scene4d.core.files import read_json, write_bytes, write_json
 from scene4d.core.tracks import Tracks
 from scene4d.store._claims import Claim, claims
+from scene4d.store._manifest import as_json, classes, settle, start_ns, writing
 from scene4d.store.runs import (
     Part,
     Run,
@@ -49,8 +50,11 @@ from scene4d.store.schema import (
 
 _ROWS_PER_PART = 131_072
 """Rows held in memory before they are written to a file: about 70 MB with keypoints."""
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-_YEARS = (1900, 2200)  # what nanoseconds in 64 bits can hold, with room for the footage
+_LIVE_ROWS_PER_PART = 16_384
+"""The same of a stream, whose last part is written again whenever rows become final, every ten
+seconds: 0.1 s of work and 7 MB."""
+_KEPT_S = 30.0
+"""A stream's replaced parts are removed this much later: a search opens a scene, and reads it."""
 
 
 class SceneWriter:
@@ -59,8 +63,9 @@ class SceneWriter:
     ``folder`` is the scene, created if missing; ``run`` is the run's name: writing a run of the
     same name replaces it. ``start_utc`` is the time of the clip's start; None if unknown, and then
     time counts from 1970-01-01. ``camera_json`` is the camera's calibration, the same for all runs
-    of a camera. ``provenance`` (source, settings, hashes of weights) goes into the manifest. Use
-    it in a ``with`` block: leaving the block closes the run, an exception abandons it.
+    of a camera. ``provenance`` (source, settings, hashes of weights) goes into the manifest. A run
+    that is ``live`` is read by others while it is written. Use it in a ``with`` block: leaving the
+    block closes the run, an exception abandons it.
 
     Raises :class:`InputError` for unusable names, a start without a time zone, another calibration
     under the same camera name, or a run that another process is writing; :class:`OutputError` if
@@ -76,12 +81,13 @@ class SceneWriter:
         start_utc: datetime | None,
         camera_json: dict[str, Any],
         provenance: dict[str, Any],
+        live: bool = False,
     ) -> None:
         self._folder = Path(folder)
         self._run = Run(
             run=run,
             camera=camera,
-            start_ns=_start_ns(start_utc),
+            start_ns=start_ns(start_utc),
             start_known=start_utc is not None,
             track_base=0,
             keypoints=0,
@@ -89,23 +95,27 @@ class SceneWriter:
             classes={},
             parts=(),
             software=f"scene4d {version('scene4d')}",
-            provenance=_as_json(provenance, "provenance"),
+            provenance=as_json(provenance, "provenance"),
         )
         self._file_name = file_name(run, "run")
         self._staging = self._folder / "runs" / f".{self._file_name}"
-        self._rows_per_part = _ROWS_PER_PART
+        self._rows_per_part = _LIVE_ROWS_PER_PART if live else _ROWS_PER_PART
+        self._live = live
         self._buffer: list[Tracks] = []
         self._buffered = 0
         self._staged: list[_Staged] = []  # full parts not yet in place
         self._placed: list[Part] = []  # full parts in place
         self._classes: Counter[str] = Counter()  # of both
+        self._tail: tuple[int, list[Part]] = (0, [])  # rows written when these parts were placed
+        self._written = 0
+        self._replaced: dict[Path, float] = {}  # parts of no manifest, and since when
         self._next_part = 0
         self._dirty = True  # the manifest does not yet cover what was written
         self._committed = False
         self._claim: Claim | None = None
-        calibration = _as_json(camera_json, "camera_json")
+        calibration = as_json(camera_json, "camera_json")
         camera_path(self._folder, camera)  # rejects bad names before anything is created
-        with _writing(self._folder):
+        with writing(self._folder):
             self._staging.parent.mkdir(parents=True, exist_ok=True)
             with self._scene_locked():
                 self._claim = self._begin(calibration)
@@ -124,6 +134,11 @@ class SceneWriter:
         """Offset of this run's track numbers that makes them unique in the scene."""
         return self._run.track_base
 
+    @property
+    def run(self) -> Run:
+        """The manifest as of the last commit."""
+        return self._run
+
     def write(self, tracks: Tracks) -> None:
         """Add rows, in any order and any number of times; memory stays bounded.
 
@@ -135,14 +150,9 @@ class SceneWriter:
         check_tracks(tracks)
         if not len(tracks):
             return
-        k = tracks.keypoint_uv.shape[1]
-        if k and self._run.keypoints not in (0, k):
-            raise InputError(
-                f"tracks: have {k} keypoints, those written before {self._run.keypoints}; "
-                "one run has one skeleton"
-            )
-        self._run = replace(self._run, keypoints=max(k, self._run.keypoints))
+        self._check_skeleton(tracks)
         self._dirty = True
+        self._written += len(tracks)
         # Split in the order of arrival, so that the files do not depend on how calls are batched.
         begin = 0
         while begin < len(tracks):
@@ -154,31 +164,69 @@ class SceneWriter:
             if self._buffered == self._rows_per_part:
                 self._flush()
 
-    def commit(self) -> None:
+    def _check_skeleton(self, tracks: Tracks) -> None:
+        k = tracks.keypoint_uv.shape[1]
+        if k and self._run.keypoints not in (0, k):
+            raise InputError(
+                f"tracks: have {k} keypoints, those written before {self._run.keypoints}; "
+                "one run has one skeleton"
+            )
+        self._run = replace(self._run, keypoints=max(k, self._run.keypoints))
+
+    def commit(self, provisional: Tracks | None = None) -> None:
         """Add everything written so far to the scene; the run stays open.
 
-        The last part of a run is rewritten with its new rows at each commit until it is full.
-        Raises :class:`OutputError` if a file cannot be written; the scene is then unchanged.
+        ``provisional`` rows are in the scene until the next commit. The last part of a run is
+        rewritten with its new rows until it is full. Raises :class:`OutputError` if a file cannot
+        be written; the scene is then unchanged.
         """
-        if not self._dirty:
+        if not self._dirty and provisional is None:
             return
-        with _writing(self._folder):
-            last = self._stage_all(self._buffer)
-            self._placed += [self._place(part) for part in self._staged]
-            self._staged = []
-            parts = [*self._placed, *(self._place(part) for part in last)]
-            for folder in {(self._folder / part.path).parent for part in parts}:
-                _settle(folder)
-            classes = self._classes + _classes(self._buffer)
+        extra = [] if provisional is None or not len(provisional) else [provisional]
+        for tracks in extra:
+            check_tracks(tracks)
+            self._check_skeleton(tracks)
+        extra = [as_stored(tracks) for tracks in extra]
+        hidden = self._live and provisional is not None
+        with writing(self._folder):
+            last = self._tail_parts(hidden=hidden)
+            last += map(self._place, self._stage_all(extra, hidden=hidden))
+            before, parts = self._run.parts, (*self._placed, *last)
+            for folder in {(self._folder / part.path).parent for part in {*parts} - {*before}}:
+                settle(folder)
+            total = self._classes + classes([*self._buffer, *extra])
             self._run = replace(
                 self._run,
                 rows=sum(part.rows for part in parts),
-                classes=dict(sorted(classes.items())),
-                parts=tuple(parts),
+                classes=dict(sorted(total.items())),
+                parts=parts,
             )
             write_json(manifest_path(self._folder, self._run.run), self._run.to_dict())
-            self._committed, self._dirty = True, False
-            self._sweep()
+            self._committed, self._dirty = True, provisional is not None
+            if hidden:
+                self._remove_replaced(before)
+            else:
+                self._sweep()
+
+    def _tail_parts(self, *, hidden: bool) -> list[Part]:
+        """The parts of rows that fill none; hidden ones stay until rows are added."""
+        written, tail = self._tail
+        if not (hidden and tail and written == self._written):
+            staged = self._stage_all(self._buffer, hidden=hidden)
+            self._placed += [self._place(part) for part in self._staged]
+            self._staged = []
+            tail = [self._place(part) for part in staged]
+        self._tail = self._written, tail
+        return list(tail)
+
+    def _remove_replaced(self, before: tuple[Part, ...]) -> None:
+        """Remove the parts that the manifest has not named for a while."""
+        now = time.monotonic()
+        for part in {*before} - {*self._run.parts}:
+            self._replaced.setdefault(self._folder / part.path, now)
+        for path in [path for path, since in self._replaced.items() if now - since > _KEPT_S]:
+            path.unlink(missing_ok=True)
+            del self._replaced[path]
 
     def close(self) -> None:
         """Commit, and release the run; may be called twice.
@@ -255,10 +303,10 @@ class SceneWriter:
     def _flush(self) -> None:
         """Turn the buffer into full parts."""
         self._staged += self._stage_all(self._buffer)
-        self._classes += _classes(self._buffer)
+        self._classes += classes(self._buffer)
         self._buffer, self._buffered = [], 0
 
-    def _stage_all(self, buffer: list[Tracks]) -> list["_Staged"]:
+    def _stage_all(self, buffer: list[Tracks], *, hidden: bool = False) -> list["_Staged"]:
         """One part for each day."""
         if not buffer:
             return []
@@ -268,11 +316,11 @@ class SceneWriter:
         days, begins = np.unique(times.astype("datetime64[D]"), return_index=True)
         pieces = np.split(np.arange(len(tracks)), begins[1:])
         return [
-            self._stage(tracks if len(days) == 1 else tracks.select(rows), str(day))
+            self._stage(tracks if len(days) == 1 else tracks.select(rows), str(day), hidden=hidden)
             for day, rows in zip(days, pieces, strict=True)
         ]
 
-    def _stage(self, tracks: Tracks, day: str) -> "_Staged":
+    def _stage(self, tracks: Tracks, day: str, *, hidden: bool) -> "_Staged":
         content = to_parquet(
             tracks,
             camera=self._run.camera,
@@ -281,7 +329,7 @@ class SceneWriter:
         )
         number, self._next_part = self._next_part, self._next_part + 1
         target = rows_folder(self._folder, self._run.camera) / f"day={day}"
-        target /= f"{self._file_name}-{number:05d}.parquet"
+        target /= f"{'.' * hidden}{self._file_name}-{number:05d}.parquet"
         staged = self._staging / target.name
         write_bytes(staged, content)
         part = Part(
@@ -302,8 +350,8 @@ class SceneWriter:
 
     def _own_parts(self) -> list[tuple[int, Path]]:
         """The parts in place that have this run's name, with their numbers."""
-        ours = re.compile(re.escape(self._file_name) + r"-(\d{5,})\.parquet")
-        paths = self._folder.glob(f"tracks/camera=*/day=*/{self._file_name}-*.parquet")
+        ours = re.compile(r"\.?" + re.escape(self._file_name) + r"-(\d{5,})\.parquet")
+        paths = self._folder.glob(f"tracks/camera=*/day=*/*{self._file_name}-*.parquet")
         matches = ((ours.fullmatch(path.name), path) for path in paths)
         return [(int(match[1]), path) for match, path in matches if match]
 
@@ -332,48 +380,3 @@ class _Staged:
 
     file: Path
     part: Part
-
-
-def _classes(buffer: list[Tracks]) -> Counter[str]:
-    """Numbers of rows by class."""
-    total: Counter[str] = Counter()
-    for tracks in buffer:
-        names, counts = np.unique(tracks.class_name, return_counts=True)
-        total.update(dict(zip(names.tolist(), counts.tolist(), strict=True)))
-    return total
-
-
-def _start_ns(start_utc: datetime | None) -> int:
-    if start_utc is None:
-        return 0
-    if start_utc.tzinfo is None:
-        raise InputError(f"start_utc: {start_utc.isoformat()} has no time zone, expected UTC")
-    first, last = _YEARS
-    if not first <= start_utc.year < last:
-        raise InputError(f"start_utc: year {start_utc.year}, expected {first} to {last - 1}")
-    return (start_utc - _EPOCH) // timedelta(microseconds=1) * 1000
-
-
-def _as_json(values: dict[str, Any], what: str) -> dict[str, Any]:
-    """The values as they will be read back; fails now and not after hours of work."""
-    try:
-        return json.loads(json.dumps(values, allow_nan=False))
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{what}: cannot be written as JSON: {error}") from error
-
-
-def _settle(folder: Path) -> None:
-    """Names in a folder reach the disk before the manifest that relies on them."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
-@contextmanager
-def _writing(folder: Path) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise OutputError(f"{folder}: cannot be written to: {error}") from error

@@ -89,6 +89,10 @@ class FixedLagSmoother:
             return None
         return self._release(time_s - lag)
 
+    def provisional(self) -> Smoothed:
+        """The rows that are not yet final, as detections so far tell them."""
+        return self._smoothed(self._estimated(), np.inf)
+
     def finish(self) -> Smoothed:
         """The remaining rows; clears the memory."""
         found = self._release(np.inf)
@@ -102,10 +106,21 @@ class FixedLagSmoother:
             self._counts.setdefault(track, np.zeros(len(CLASSES), np.int64))[kind] += 1
 
     def _release(self, until_s: float) -> Smoothed:
-        s = self.settings
+        found = self._estimated()
+        out = self._smoothed(found, until_s)
+        if np.isfinite(until_s):
+            # Whether a row stands depends on half a window on both sides of it.
+            self._forget(found, until_s - self.settings.standing_window_s / 2)
+            self._done_s = until_s
+        return out
+
+    def _estimated(self) -> Estimates:
         held = _none() if not self._sightings else Sightings.joined(self._sightings)
         frame = np.array(self._frame, np.int64)
-        found = estimate(held, frame, np.array(self._time_s), self._memory, s)
+        return estimate(held, frame, np.array(self._time_s), self._memory, self.settings)
+
+    def _smoothed(self, found: Estimates, until_s: float) -> Smoothed:
+        """Rows after those that are final, up to ``until_s``."""
         time = found.rows.time_s
         wanted = (time > self._done_s) & (time <= until_s)
         track = np.array(sorted(self._counts), np.int64)
@@ -114,10 +129,6 @@ class FixedLagSmoother:
         out = finished(found, wanted, track, counts)
         # A mark of a bridged row (-1) takes the last entry, which is the mark itself.
         source = np.concatenate([*self._source, [BRIDGED]])[out.source]
-        if np.isfinite(until_s):
-            # Whether a row stands depends on half a window on both sides of it.
-            self._forget(found, until_s - s.standing_window_s / 2)
-            self._done_s = until_s
         return replace(out, source=source)
 
     def _forget(self, found: Estimates, until_s: float) -> None:

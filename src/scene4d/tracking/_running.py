@@ -1,7 +1,7 @@
 """``track``: the stages of a run, one after the other."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -48,7 +48,7 @@ def track(
 
     A killed run over a video resumes after its last complete chunk of footage, with the same
     result as an uninterrupted run. A stream is tracked until it ends or Ctrl-C is pressed; each
-    call is a separate run, and results are in the scene within half a minute. Raises
+    call is a separate run, and what was seen is in the scene within two seconds. Raises
     :class:`InputError` for bad input (including a camera that moved), :class:`UnavailableError` if
     weights are not available, and :class:`OutputError` if the scene cannot be written.
     """
@@ -56,24 +56,27 @@ def track(
     seen = options.annotations or source
     if seen is None:
         raise InputError("source: there is nothing to track: give footage, or annotations")
-    calibration, described, background = _calibrated(camera)
+    calibration, described, background = calibrated(camera)
     with ExitStack() as opened:
         footage = None if source is None else opened.enter_context(_footage(source, calibration))
         live = options.annotations is None and footage is not None and footage.timeline is None
         now = datetime.now(UTC)
         if live and options.start is None:
             options = replace(options, start=now)
-        name = options.name or _shown_name(options.annotations if source is None else source)
-        run = TrackRun(Path(out), name, _run_name(seen, now if live else None))
+        name = options.name or shown_name(options.annotations if source is None else source)
+        run = TrackRun(Path(out), name, run_name(seen, now if live else None))
         job = Job(calibration, described, background, options, run, progress or Silent())
         looks, provenance = _looks(footage, job, live=live)
-        with _writer(job, provenance) as writer:
-            _write(writer, looks, job, live=live)
-        _finish(job)
+        with writer_of(job, provenance, live=live) as writer:
+            if live:
+                write_live(writer, looks, job)
+            else:
+                _write(writer, looks, job)
+        finish(job)
     return run
 
 
-def _calibrated(
+def calibrated(
     camera: str | Path | Calibration | Camera,
 ) -> tuple[Calibration, dict[str, Any], Path | None]:
     """The calibration, its stored form, and the path where an image of the view may exist."""
@@ -97,6 +100,12 @@ def _footage(source: str | Path, calibration: Calibration) -> "Source":
     if footage.timeline is not None and len(footage.timeline) < 2:
         footage.close()
         raise InputError(f"{footage.name}: is a single picture, and a track needs several")
+    check_size(footage, calibration)
+    return footage
+
+
+def check_size(footage: "Source", calibration: Calibration) -> None:
+    """Raise :class:`InputError` if the frames have not the calibrated size; closes the footage."""
     if footage.image_size != calibration.image_size:
         footage.close()
         (w, h), (cw, ch) = footage.image_size, calibration.image_size
@@ -104,10 +113,9 @@ def _footage(source: str | Path, calibration: Calibration) -> "Source":
             f"{footage.name}: is {w}x{h}, but the camera was calibrated on {cw}x{ch}: give footage "
             "of that size, or calibrate on this"
         )
-    return footage
 
 
-def _shown_name(seen: str | Path | None) -> str:
+def shown_name(seen: str | Path | None) -> str:
     """The footage's name without folders, ending and passwords."""
     from scene4d.video.stream import stream_name, without_password
 
@@ -115,7 +123,7 @@ def _shown_name(seen: str | Path | None) -> str:
     return stream_name(text) if "://" in text else Path(without_password(text)).stem
 
 
-def _run_name(seen: str | Path, began: datetime | None) -> str:
+def run_name(seen: str | Path, began: datetime | None) -> str:
     """The footage's name with a hash of its path: the same footage gets the same name. Each run of
     a stream is different, so its name includes the time when it ``began``.
     """
@@ -123,7 +131,7 @@ def _run_name(seen: str | Path, began: datetime | None) -> str:
 
     text = without_password(str(seen))
     place = text if "://" in text else str(Path(text).resolve())
-    name = f"{_shown_name(seen)}-{hashlib.sha256(place.encode()).hexdigest()[:6]}"
+    name = f"{shown_name(seen)}-{hashlib.sha256(place.encode()).hexdigest()[:6]}"
     return name if began is None else f"{name}-{began:%Y%m%dT%H%M%S.%fZ}"
 
 
@@ -147,7 +155,8 @@ def _looks(
     return look(footage, job), watch_settings(footage, job)
 
 
-def _writer(job: Job, provenance: dict[str, Any]) -> "SceneWriter":
+def writer_of(job: Job, provenance: dict[str, Any], *, live: bool) -> "SceneWriter":
+    """The writer of a run."""
     from scene4d.store.writing import SceneWriter
 
     return SceneWriter(
@@ -157,11 +166,12 @@ def _writer(job: Job, provenance: dict[str, Any]) -> "SceneWriter":
         start_utc=job.options.start,
         camera_json=job.described,
         provenance=provenance,
+        live=live,
     )
 
 
-def _write(writer: "SceneWriter", looks: Iterator["Look"], job: Job, *, live: bool) -> None:
-    """Track, and write rows that have become final; for a stream, commit at once."""
+def _write(writer: "SceneWriter", looks: Iterator["Look"], job: Job) -> None:
+    """Track, and write rows that have become final."""
     from scene4d.tracking.following import follow
 
     for tracks in follow(
@@ -172,10 +182,30 @@ def _write(writer: "SceneWriter", looks: Iterator["Look"], job: Job, *, live: bo
         timings=job.run.timings,
     ):
         _put(writer, tracks, job.run)
-        if live:
-            with timed(job.run.timings, "write"):
-                writer.commit()
     with timed(job.run.timings, "write"):
+        writer.close()
+
+
+def write_live(
+    writer: "SceneWriter",
+    looks: Iterator["Look"],
+    job: Job,
+    published: Callable[[Tracks, Tracks], None] = lambda final, provisional: None,
+) -> None:
+    """Track, and publish after each look what is final and what is provisional; ``published`` is
+    told both.
+    """
+    from scene4d.tracking.following import follow_live
+
+    run = job.run
+    for final, provisional in follow_live(
+        looks, job.calibration, job.person_height_m, timings=run.timings
+    ):
+        _put(writer, final, run)
+        with timed(run.timings, "write"):
+            writer.commit(provisional)
+        published(final, provisional)
+    with timed(run.timings, "write"):
         writer.close()
 
 
@@ -190,7 +220,7 @@ def _put(writer: "SceneWriter", tracks: Tracks, run: TrackRun) -> None:
     run.end_s = float(np.fmax(run.end_s, tracks.time_s.max()))
 
 
-def _finish(job: Job) -> None:
+def finish(job: Job) -> None:
     """Count and draw the tracks written."""
     from scene4d.store.query import Scene
 

@@ -23,6 +23,8 @@ from scene4d.tracking._smoothing import Smoothed, SmoothingSettings, smooth
 from scene4d.tracking._vehicles import locate_vehicles
 from scene4d.tracking.placing import bottoms_hidden, place, shared_covariance
 
+_MOTION_S = 10.0
+"""A vehicle's rough heading rests on at most this much of what was seen before a look."""
 _FORGET_S = 1800.0
 """A track's history is dropped this long after it was last seen. Standing vehicles are associated
 for up to 600 s."""
@@ -52,6 +54,25 @@ def follow(
     yield follower.finish()
 
 
+def follow_live(
+    looks: Iterable[Look],
+    calibration: Calibration,
+    person_height_m: float,
+    *,
+    timings: dict[str, float],
+) -> Iterator[tuple[Tracks, Tracks]]:
+    """For each look the rows that have become final, and all rows after them, which are
+    provisional; at the end the remaining ones.
+    """
+    follower = _Follower(calibration, person_height_m, Belief(), timings)
+    for look in looks:
+        final = list(follower.follow(look))
+        rest = follower.provisional()
+        yield Tracks.concatenate(final) if final else rest.select(np.zeros(len(rest), bool)), rest
+    last = follower.finish()
+    yield last, last.select(np.zeros(len(last), bool))
+
+
 class _Follower:
     """State of :func:`follow`; takes looks in order of time."""
 
@@ -72,6 +93,7 @@ class _Follower:
         self._held: list[tuple[int, Detections, Located]] = []  # with the number of the first row
         self._rows = 0
         self._headings: dict[int, tuple[float, float]] = {}  # last heading in motion, and its time
+        self._vehicles: list[Sightings] = []  # recent ones, in order of time
 
     def follow(self, look: Look) -> Iterator[Tracks]:
         """Add some frames."""
@@ -84,6 +106,15 @@ class _Follower:
             if final is not None:
                 yield self._tracks(final)
                 self._forget(time_s - SmoothingSettings.lag_s)
+
+    def provisional(self) -> Tracks:
+        """The rows that are not yet final, as they are known so far."""
+        before = dict(self._headings)
+        with timed(self._timings, "smooth"):
+            rest = self._smoother.provisional()
+        found = self._tracks(rest)
+        self._headings = before
+        return found
 
     def finish(self) -> Tracks:
         """The remaining rows."""
@@ -126,10 +157,10 @@ class _Follower:
     ) -> Located:
         """Positions, with moving vehicles placed again using their heading of motion."""
         rows = np.flatnonzero(np.isin(d.class_name, VEHICLES) & located.known)
-        rough = smooth(seen.select(rows))
+        rough, mine = self._rough(seen.select(rows))
         heading, sigma = np.full((2, len(d)), np.nan)
-        heading[rows[rough.source]] = rough.heading_rad
-        sigma[rows[rough.source]] = rough.heading_sigma_rad
+        heading[rows[mine]] = rough.heading_rad
+        sigma[rows[mine]] = rough.heading_sigma_rad
         known = np.isfinite(heading)
         if not known.any():
             return located
@@ -149,6 +180,19 @@ class _Follower:
         better = known.copy()
         better[known] = again.known
         return located.put(better, again.select(again.known))
+
+    def _rough(self, vehicles: Sightings) -> tuple[Smoothed, Int[np.ndarray, "m"]]:
+        """Smoothed rows of vehicles, and their numbers: the short look of a stream shows less of a
+        motion than the ten seconds of a chunk of footage, and earlier ones are added to it.
+        """
+        newest = vehicles.time_s.max(initial=-np.inf)
+        oldest = newest - _MOTION_S
+        self._vehicles = [part for part in self._vehicles if (part.time_s > oldest).all()]
+        earlier = sum(map(len, self._vehicles))
+        self._vehicles.append(vehicles)
+        found = smooth(Sightings.joined(self._vehicles))
+        new = found.source >= earlier
+        return found.select(new), found.source[new] - earlier
 
     def _forget(self, until_s: float) -> None:
         self._held = [part for part in self._held if (part[1].time_s > until_s).any()]

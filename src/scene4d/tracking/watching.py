@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 
 _CHUNK_S = 10.0
 """Length of a chunk: the most that is lost when a run over a recording is killed."""
+LIVE_CHUNK_S = 1.0
+"""The same of a stream: as often are its rows published."""
 _LOGS = "detections"
 """Folder in a scene for the detections; it may be removed once a run is complete."""
 _CHECK_EVERY = 10
@@ -49,7 +51,7 @@ def watched(footage: Source, job: Job) -> Iterator[Look]:
     if log.finished:
         return
     chunks = _chunks(footage, job.options.rate_hz)
-    objects, monitor = _detectors(job), _ViewMonitor(footage, job)
+    objects, monitor = detectors(job), _ViewMonitor(footage, job)
     if done:
         monitor.resume(footage, np.concatenate(chunks[:done]))
     ends = np.array([chunk[-1] for chunk in chunks])
@@ -72,11 +74,11 @@ def watched_live(stream: Source, job: Job) -> Iterator[Look]:
     """Detections in a stream until it ends or Ctrl-C is pressed (the command line treats SIGTERM
     the same). Raises :class:`InputError` if the camera moved.
     """
-    objects, monitor = _detectors(job), _ViewMonitor(stream, job)
+    objects, monitor = detectors(job), _ViewMonitor(stream, job)
     with job.progress.stage("Watching people and vehicles", None) as step:
         frames = _timed_frames(_thinned(stream.frames(), job.options.rate_hz), job, step)
         yield from _looks(
-            frames, lambda frame: int(frame.time_s / _CHUNK_S), objects, monitor, endless=True
+            frames, lambda frame: int(frame.time_s / LIVE_CHUNK_S), objects, monitor, endless=True
         )
     job.run.timings |= objects.timings
     job.run.warnings.extend(stream.warnings)
@@ -118,7 +120,7 @@ def calibrated_view(path: Path | None, image_size: tuple[int, int]) -> np.ndarra
     return np.asarray(image)
 
 
-def _detectors(job: Job) -> "ObjectDetector":
+def detectors(job: Job) -> "ObjectDetector":
     """The detectors for people and vehicles, told how large people are where.
 
     Raises :class:`InputError` for an unknown name.
@@ -207,13 +209,13 @@ def _looks(
 
     For ``endless`` frames Ctrl-C ends the loop normally; otherwise it ends the run.
     """
-    seen: list[_Moment] = []
+    seen: list[Moment] = []
     chunk = 0
     try:
         for frame in frames:
             while chunk_of(frame) > chunk:
                 monitor.check()
-                yield _look(seen, monitor.image_size)
+                yield look_of(seen, monitor.image_size)
                 seen, chunk = [], chunk + 1
             monitor.add(frame)
             seen.append((frame, *objects.look(frame)))
@@ -222,14 +224,15 @@ def _looks(
             raise
     monitor.check()
     if seen:
-        yield _look(seen, monitor.image_size)
+        yield look_of(seen, monitor.image_size)
 
 
-_Moment = tuple[Frame, Detections, np.ndarray]
+Moment = tuple[Frame, Detections, np.ndarray]
 """A frame, its detections, and their appearance."""
 
 
-def _look(seen: list[_Moment], image_size: tuple[int, int]) -> Look:
+def look_of(seen: list[Moment], image_size: tuple[int, int]) -> Look:
+    """The detections in some frames, or in none."""
     index = np.array([frame.index for frame, _, _ in seen], np.int64)
     time_s = np.array([frame.time_s for frame, _, _ in seen], float)
     if not seen:

@@ -7,6 +7,8 @@ many ways; the background moves as one. Local brightness and contrast are normal
 a change of light does not appear as motion.
 """
 
+from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -86,16 +88,17 @@ class MotionMonitor:
     """Takes sampled frames in any order and decides whether all show the same view.
 
     Takes about 5 ms per frame. The reference is the first frame with enough structure. A scene
-    without structure, or darkness, gives no verdict (``frames_checked`` 0), not "moved".
+    without structure, or darkness, gives no verdict (``frames_checked`` 0), not "moved". Only the
+    last ``keep`` frames count (None: all).
     """
 
-    def __init__(self, image_size: tuple[int, int]) -> None:
+    def __init__(self, image_size: tuple[int, int], *, keep: int | None = None) -> None:
         width, height = image_size
         self._scale = min(1.0, _WORK_WIDTH / width)
         self._size = (max(16, round(width * self._scale)), max(16, round(height * self._scale)))
         self._reference: np.ndarray | None = None
         self._corners = np.empty((0, 2), np.float32)
-        self._checked: list[_Checked] = []
+        self._checked: deque[_Checked] = deque(maxlen=keep)
 
     def add(self, image_bgr: UInt8[np.ndarray, "h w 3"], time_s: float) -> bool:
         """Compare one frame of the footage; false if it shows another view than the first.
@@ -166,7 +169,7 @@ class _Checked:
     shift_px: float
 
 
-def _course(checked: list[_Checked]) -> str:
+def _course(checked: Iterable[_Checked]) -> str:
     """How the movement goes on over time, and what helps."""
     in_order = sorted(checked, key=lambda frame: frame.time_s)  # stable where there is no clock
     moved = np.array([frame.moved for frame in in_order])

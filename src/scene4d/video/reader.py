@@ -16,17 +16,18 @@ _STREAM_SCHEMES = frozenset(
 )
 
 
-def open_source(source: str | os.PathLike[str]) -> Source:
+def open_source(source: str | os.PathLike[str], *, live: bool = False) -> Source:
     """Open the footage at SOURCE.
 
     An existing path takes precedence over its interpretation as a glob. Images are ordered by the
-    numbers in their names (``frame_2`` before ``frame_10``). Raises :class:`InputError` if there
+    numbers in their names (``frame_2`` before ``frame_10``). A ``live`` stream is decoded with less
+    delay. Raises :class:`InputError` if there
     is nothing readable, and ``UnavailableError`` for a stream that does not answer.
     """
     text = os.fspath(source)
     scheme = re.match(r"([a-z][a-z0-9+.]*)://", text, re.IGNORECASE)
     if scheme:
-        return _open_stream(text, scheme[1].lower())
+        return _open_stream(text, scheme[1].lower(), live=live)
     path = Path(text)
     try:
         is_folder, exists = path.is_dir(), path.exists()
@@ -39,7 +40,7 @@ def open_source(source: str | os.PathLike[str]) -> Source:
     return _open_file(path)
 
 
-def _open_stream(url: str, scheme: str) -> Source:
+def _open_stream(url: str, scheme: str, *, live: bool) -> Source:
     if scheme not in _STREAM_SCHEMES:
         raise InputError(
             f"{scheme}:// is not a kind of stream that can be read; expected one of "
@@ -47,7 +48,7 @@ def _open_stream(url: str, scheme: str) -> Source:
         )
     from scene4d.video.stream import StreamSource
 
-    return StreamSource(url)
+    return StreamSource(url, live=live)
 
 
 def _open_folder(folder: Path) -> Source:

@@ -14,6 +14,8 @@ from scene4d.video.frames import Frame, Source
 _STREAM_TIMEOUT_S = 15.0
 """A camera that sends nothing for this long is considered lost; players wait 5 to 30 s."""
 _FALLBACK_RATE = 25.0
+_EARLY_S = 1e-6
+"""Times carry rounding errors: a frame this much before a slot belongs to it."""
 
 
 def stream_name(url: str) -> str:
@@ -31,25 +33,29 @@ def without_password(url: str) -> str:
 class StreamSource(Source):
     """A live stream. Frames are numbered from the first one received; each can be read only once.
 
-    ``time_s`` is the stream's own clock from that frame on. Raises :class:`UnavailableError` if
-    the stream cannot be reached.
+    ``time_s`` is the stream's own clock from that frame on. ``live`` decodes each frame as soon as
+    it is there, with fewer cores; ``form`` is FFmpeg's name of the format, for a capture device.
+    Raises :class:`UnavailableError` if the stream cannot be reached.
     """
 
-    def __init__(self, url: str) -> None:
+    def __init__(self, url: str, *, live: bool = False, form: str | None = None) -> None:
         self.name = without_password(url)
         self.timeline = None
         self._end: str | None = None  # how it ended, if unexpectedly
         # UDP loses packets of large frames, and damaged frames look like moving objects.
         options = {"rtsp_transport": "tcp"} if url.startswith("rtsp") else {}
         try:
-            self._container = av.open(url, options=options, timeout=_STREAM_TIMEOUT_S)
+            self._container = av.open(url, format=form, options=options, timeout=_STREAM_TIMEOUT_S)
         except (av.error.FFmpegError, OSError) as error:
             raise UnavailableError(
                 f"{self.name}: the stream cannot be opened "
                 f"({getattr(error, 'strerror', None) or 'no answer'}); check its address, user and "
                 "password with a player, or record a clip and give the file"
             ) from error
+        self.is_recording = bool(self._container.duration)  # behind an address, of a known length
         stream = video_stream(self._container, self.name)
+        if live:  # several frames at once are several frames late
+            stream.thread_type = "SLICE"
         self._notes = pixel_notes(stream, self.name)
         rate = stream.guessed_rate or stream.average_rate
         self.fps = float(rate) if rate else None
@@ -84,7 +90,7 @@ class StreamSource(Source):
         except av.error.FFmpegError as error:
             self._end = f"was lost ({error.strerror})"
             return
-        if not self._container.duration:  # a recording behind an address states its length
+        if not self.is_recording:
             self._end = "ended"
 
     @property
@@ -92,6 +98,26 @@ class StreamSource(Source):
         """See :attr:`Source.warnings`; a stream that ended or was lost is one of them."""
         ended = () if self._end is None else (f"{self.name}: the stream {self._end}",)
         return (*self._notes, *ended)
+
+    @property
+    def ending(self) -> str:
+        """How the stream ended, as in "ended after 3.2 s"."""
+        return self._end or "ended"
+
+    def thinned(self, rate_hz: float) -> Iterator[Frame]:
+        """The first frame in each 1/rate of a second; the others are decoded only."""
+        slot = -1
+        for index, time_s, decoded in chain(filter(None, [self._ahead]), self._decoded):
+            self._ahead = None
+            now = int(time_s * rate_hz + _EARLY_S)
+            if now > slot:
+                slot = now
+                yield self._frame(index, time_s, decoded)
+
+    def _frame(self, index: int, time_s: float, decoded: Any) -> Frame:
+        image = upright_bgr(decoded, self.name)
+        self._check_size(image, f"frame {index}")
+        return Frame(index, time_s, image)
 
     def frames(self, indices: Iterable[int] | None = None) -> Iterator[Frame]:
         """See :meth:`Source.frames`; past indices are not available again."""
@@ -107,9 +133,7 @@ class StreamSource(Source):
             while wanted and wanted[0] < index:
                 wanted.pop(0)
             if wanted is None or (wanted and wanted[0] == index):
-                image = upright_bgr(decoded, self.name)
-                self._check_size(image, f"frame {index}")
-                yield Frame(index, time_s, image)
+                yield self._frame(index, time_s, decoded)
                 if wanted:
                     wanted.pop(0)
 

@@ -1,0 +1,168 @@
+"""``scene4d watch``: a camera tracked while it runs."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from scene4d.cli.arguments import parse_person_height
+from scene4d.cli.command import Answer, Job, command, output_folder
+
+if TYPE_CHECKING:
+    from scene4d.tracking.live import WatchRun
+
+_WATCHING = "Input"
+_MEANING = "Scene"
+
+
+@command("watch")
+def watch(
+    job: Job,
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="SOURCE",
+            help="Stream URL, capture device such as /dev/video0, or a video, which is played at "
+            "real time.",
+            show_default=False,
+        ),
+    ],
+    *,
+    camera: Annotated[
+        Path,
+        typer.Option(
+            metavar="FILE",
+            help="camera.json from calibrate, or a camera file in another known format.",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path,
+        typer.Option(
+            metavar="SCENE",
+            help="Folder of the scene; created if it does not exist, extended if it does.",
+            show_default=False,
+        ),
+    ],
+    rate: Annotated[
+        float,
+        typer.Option(
+            metavar="HZ",
+            min=0.01,
+            max=1000,
+            help="Frames analysed per second, if the machine keeps up; others are dropped.",
+            rich_help_panel=_WATCHING,
+        ),
+    ] = 10.0,
+    give_up: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            min=0,
+            help="End if a lost stream does not come back for this long. Default: try for ever.",
+            rich_help_panel=_WATCHING,
+            show_default=False,
+        ),
+    ] = None,
+    detector: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE",
+            help="Another detector for people and vehicles: a registered name, or an ONNX file "
+            "in the YOLOX layout with the COCO classes.",
+            rich_help_panel=_WATCHING,
+            show_default=False,
+        ),
+    ] = None,
+    name: Annotated[
+        str | None,
+        typer.Option(
+            "--name",
+            metavar="NAME",
+            help="Name of the camera in the scene. Default: the name of the source.",
+            rich_help_panel=_MEANING,
+            show_default=False,
+        ),
+    ] = None,
+    person_height: Annotated[
+        str | None,
+        typer.Option(
+            metavar="METRES",
+            help="Mean height of the people. Default: the height used by the calibration.",
+            rich_help_panel=_MEANING,
+            show_default=False,
+        ),
+    ] = None,
+) -> Answer:
+    """Track a running camera: what it sees is in the scene within two seconds.
+
+    Others can read the scene meanwhile. Frames that cannot be analysed in time are dropped and
+    counted. A lost stream is opened again. While the view has moved nobody is tracked. Ctrl-C
+    ends it.
+
+    [bold]Examples[/bold]
+
+      scene4d watch rtsp://gate/live --camera gate/camera.json --out scene
+      scene4d watch gate.mp4 --camera gate/camera.json --out scene --rate 5
+    """
+    height_m = None if person_height is None else parse_person_height(person_height)
+    from scene4d.tracking import TrackOptions
+    from scene4d.tracking.live import WatchOptions
+    from scene4d.tracking.live import watch as watch_camera
+
+    tracking = TrackOptions(name=name, rate_hz=rate, person_height_m=height_m, detector=detector)
+    options = WatchOptions(give_up_s=give_up)
+    with output_folder(out), job.progress() as progress, _stopping() as stop:
+        run = watch_camera(source, camera, out, options, tracking, stop=stop, progress=progress)
+    return Answer(run.to_dict(), lambda: _show(run), run.warnings)
+
+
+@contextmanager
+def _stopping() -> Iterator[threading.Event]:
+    """Set by Ctrl-C and SIGTERM: watching then ends normally. A second one ends it at once."""
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield stop
+        return
+    before = {kind: signal.getsignal(kind) for kind in (signal.SIGINT, signal.SIGTERM)}
+
+    def ask(kind: int, _: object) -> None:
+        stop.set()
+        signal.signal(kind, before[signal.Signals(kind)])
+
+    try:
+        for kind in before:
+            signal.signal(kind, ask)
+        yield stop
+    finally:
+        for kind, handler in before.items():
+            signal.signal(kind, handler)
+
+
+def _show(run: "WatchRun") -> None:
+    from rich.table import Table
+
+    from scene4d.cli.output import screen
+
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column()
+    found = ", ".join(f"{count} x {name}" for name, count in run.tracks.items()) or "nobody"
+    table.add_row("Tracks", found)
+    table.add_row("Rows", f"{run.rows:,}")
+    table.add_row("Frames", f"{run.offered:,}, of which {run.dropped:,} dropped")
+    if run.reconnected:
+        table.add_row("Reconnected", f"{run.reconnected} x")
+    if run.not_in_view_s:
+        table.add_row("View moved", f"for {run.not_in_view_s:.0f} s")
+    with screen() as console:
+        console.print(table)
+        for warning in run.warnings:
+            console.print(f"Warning  {warning}", style="yellow")
+        console.print(f"\nScene    {run.scene}", soft_wrap=True)
+        if run.picture is not None:
+            console.print(f"Picture  {run.picture}", soft_wrap=True)

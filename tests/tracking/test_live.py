@@ -1,0 +1,218 @@
+"""``watch``: cameras that run, are slow, are lost, move, and processes that are killed."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import av
+import cv2
+import pytest
+from typer.testing import CliRunner
+
+from scene4d.cli.app import app
+from scene4d.core.errors import InputError, OutputError
+from scene4d.core.files import write_bytes
+from scene4d.store.query import Scene
+from scene4d.tracking import TrackOptions
+from scene4d.tracking.live import watch
+from walks import CAMERA, FPS, ground, write_video
+
+HERE = Path(__file__).parents[1]
+
+
+def seen_while_running(detector, scene: Path, at: int):
+    """A perfect detector; at a frame it opens the scene as another process would."""
+    used, found = detector(), []
+    look = used.look
+
+    def also(frame):
+        if frame.index == at:
+            one = Scene.open(scene)
+            found.append((frame.time_s - one.runs[0].span_s[1], len(one.tracks())))
+        return look(frame)
+
+    used.look = also
+    return found
+
+
+def test_a_video_is_watched_at_real_time_and_read_meanwhile(tmp_path, camera, detector):
+    found = seen_while_running(detector, tmp_path / "scene", 28)
+    begun_s = time.monotonic()
+    run = watch(write_video(tmp_path / "yard.avi", seconds=3), camera, tmp_path / "scene")
+    assert 2.8 < time.monotonic() - begun_s < 8
+    ((behind_s, rows),) = found
+    assert 0 < behind_s <= 2.0
+    assert rows > 20
+    assert run.offered == 3 * FPS
+    assert run.tracks == {"person": 2, "car": 1}
+    scene = Scene.open(tmp_path / "scene")
+    assert len(scene) == run.rows == 3 * (run.offered - run.dropped)
+    names = [path.name for path in tmp_path.rglob("*.parquet")]
+    assert len(names) == 1, "parts that were replaced are gone"
+    assert not names[0].startswith(".")
+
+
+def test_a_slow_analysis_takes_the_newest_frame(tmp_path, camera, detector):
+    used = detector()
+    look = used.look
+    used.look = lambda frame: (time.sleep(0.3), look(frame))[1]
+    run = watch(write_video(tmp_path / "yard.avi", seconds=3), camera, tmp_path / "scene")
+    assert 15 <= run.dropped <= 26
+    assert len(used.seen) == run.offered - run.dropped
+    assert used.seen[-1] == 3 * FPS - 1
+    assert f"{run.dropped} of 30 frames were dropped" in run.warnings[-1]
+
+
+class Camera(BaseHTTPRequestHandler):
+    """Sends two seconds of the yard as MPEG-TS, at real time, to each of two visitors."""
+
+    visits = 0
+
+    def do_GET(self):
+        if Camera.visits == 2:
+            self.send_error(503)
+            return
+        Camera.visits += 1
+        self.send_response(200)
+        self.end_headers()
+        picture = av.VideoFrame.from_ndarray(ground(), format="bgr24")
+        with suppress(OSError), av.open(self.wfile, "w", format="mpegts") as out:
+            stream = out.add_stream("mpeg2video", rate=25)
+            stream.height, stream.width = ground().shape[:2]
+            stream.pix_fmt, stream.gop_size = "yuv420p", 5
+            begun_s = time.monotonic()
+            for number in range(50):
+                time.sleep(max(0, begun_s + number / 25 - time.monotonic()))
+                picture.pts = number
+                out.mux(stream.encode(picture))
+                self.wfile.flush()
+            out.mux(stream.encode(None))
+
+    def log_message(self, *_):
+        """Nothing."""
+
+
+@pytest.fixture
+def server():
+    Camera.visits = 0
+    with ThreadingHTTPServer(("127.0.0.1", 0), Camera) as served:
+        threading.Thread(target=served.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{served.server_address[1]}/yard.ts"
+        served.shutdown()
+
+
+def test_a_stream_that_is_lost_is_opened_again(tmp_path, camera, detector, server, caplog):
+    detector()
+    run = watch(server, camera, tmp_path / "scene", give_up_s=1.0)
+    assert run.reconnected == 1
+    assert "did not come back" in " ".join(run.warnings)
+    assert [text for text in caplog.messages if "is back after" in text]
+    scene = Scene.open(tmp_path / "scene")
+    begin, end = scene.runs[0].span_s
+    assert begin < 2
+    assert 3 < end < 8, "the clock went on while there was no stream"
+
+
+def test_sigterm_ends_it_normally(tmp_path, camera, detector):
+    used = detector()
+    look = used.look
+
+    def ends(frame):
+        if frame.index >= 12 and not used.until:
+            used.until = 10**6
+            os.kill(os.getpid(), signal.SIGTERM)
+        return look(frame)
+
+    used.look = ends
+    video = write_video(tmp_path / "yard.avi", seconds=8)
+    words = ["watch", str(video), "--camera", str(camera), "--out", str(tmp_path / "s")]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    assert "2 x person" in done.output
+    assert signal.getsignal(signal.SIGTERM) is not None
+    assert 12 <= used.seen[-1] <= 20
+    assert len(Scene.open(tmp_path / "s")) > 15
+
+
+def test_a_full_disk_is_one_error_and_what_was_published_stays(
+    tmp_path, camera, detector, monkeypatch
+):
+    detector()
+    writes = []
+
+    def fills_up(path, content):
+        writes.append(path)
+        if len(writes) > 2:
+            raise OutputError(f"{path}: cannot be written: No space left on device")
+        write_bytes(path, content)
+
+    monkeypatch.setattr("scene4d.store.writing.write_bytes", fills_up)
+    video = write_video(tmp_path / "yard.avi", seconds=5)
+    with pytest.raises(OutputError, match="No space left"):
+        watch(video, camera, tmp_path / "scene")
+    assert 1 < Scene.open(tmp_path / "scene").runs[0].span_s[1] < 3
+
+
+def test_nobody_is_tracked_while_the_view_is_another(
+    tmp_path, camera, detector, caplog, monkeypatch
+):
+    monkeypatch.setattr("scene4d.tracking._live_view._EVERY_S", 0.2)
+    cv2.imwrite(str(camera.with_name("background.jpg")), ground())
+    used = detector()
+    video = write_video(tmp_path / "yard.avi", shifts=[0] * 6 + [24] * 16 + [0] * 20)
+    run = watch(video, camera, tmp_path / "scene")
+    assert 0.9 < run.not_in_view_s < 2.5
+    times = [index / FPS for index in used.seen]
+    assert not [t for t in times if 1.3 < t < 2.2]
+    assert [t for t in times if t < 0.6]
+    assert [t for t in times if t > 3.6]
+    assert "has moved by 2" in caplog.text
+    assert "the view is back" in caplog.text
+
+
+def test_annotations_and_pictures_cannot_be_watched(tmp_path, camera):
+    with pytest.raises(InputError, match="annotations: cannot be watched"):
+        video = write_video(tmp_path / "yard.avi", seconds=1)
+        watch(video, camera, tmp_path / "s", tracking=TrackOptions(annotations="boxes.txt"))
+    cv2.imwrite(str(tmp_path / "one.png"), ground())
+    with pytest.raises(InputError, match="cannot be played at real time"):
+        watch(tmp_path / "one.png", camera, tmp_path / "s")
+
+
+ALONE = """
+import sys, pytest
+sys.path[:0] = sys.argv[1:3]
+from conftest import Perfect
+import scene4d.perception.objects as objects, scene4d.calibration.watching as watching
+objects.ObjectDetector.default = lambda **_: Perfect()
+watching.fetch_weights = lambda *_, **__: None
+from scene4d.tracking.live import watch
+watch(*sys.argv[3:])
+"""
+
+
+def test_what_was_published_outlives_kill_9(tmp_path):
+    camera, scene = tmp_path / "camera.json", tmp_path / "scene"
+    CAMERA.save(camera)
+    video = write_video(tmp_path / "yard.avi", seconds=30)
+    places = map(str, (HERE / "tracking", HERE, video, camera, scene))
+    alone = subprocess.Popen([sys.executable, "-c", ALONE, *places], cwd=HERE)
+    manifests: list[Path] = []
+    until_s = time.monotonic() + 60
+    while not manifests and time.monotonic() < until_s and alone.poll() is None:
+        time.sleep(0.05)
+        manifests = list((scene / "runs").glob("*.json"))
+    time.sleep(3.0)
+    alone.kill()
+    alone.wait()
+    killed_s = time.time()
+    found = Scene.open(scene)
+    (run,) = found.runs
+    assert len(found.tracks()) == run.rows > 30
+    assert killed_s - (run.start_ns / 1e9 + run.span_s[1]) < 2.5
