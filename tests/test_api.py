@@ -17,7 +17,7 @@ from scene4d import Camera
 
 PROMISED = {
     *("Calibration", "Camera", "Lens", "Orientation", "Scene", "__version__", "calibrate"),
-    *("read_camera", "search", "solve_camera", "track", "write_camera"),
+    *("read_camera", "search", "solve_camera", "track", "watch", "write_camera"),
 }
 
 

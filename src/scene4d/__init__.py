@@ -1,7 +1,7 @@
 """Turn a fixed camera into a metric sensor, from the people who walk through its own footage.
 
 ``calibrate`` finds the camera of footage, ``solve_camera`` that of points; ``track`` writes a
-:class:`Scene` of people and vehicles in metres; ``search`` finds activities in it that are told in
+:class:`Scene` of people and vehicles in metres, ``watch`` does so while a camera runs; ``search`` finds activities in it that are told in
 words. :class:`Camera` projects and locates. Everything is loaded when it is first used, so that
 importing the package costs nothing.
 """
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from scene4d.searching import search as search
     from scene4d.store.query import Scene as Scene
     from scene4d.tracking import track as track
+    from scene4d.tracking import watch as watch
 
     __version__: str
 
@@ -34,6 +35,7 @@ _WHERE = {
     "search": "scene4d.searching",
     "solve_camera": "scene4d.calibration",
     "track": "scene4d.tracking",
+    "watch": "scene4d.tracking",
     "write_camera": "scene4d.formats.cameras",
 }
 

@@ -27,6 +27,7 @@ PROMISED = {
         "--camera --out --annotations --format --detector --rate --fps --drop-invalid --name "
         "--start --person-height --json"
     ),
+    "watch": "--camera --out --rate --give-up --detector --name --person-height --json",
     "search": ("--top --min-score --catalogue --zones --footage --out --actev --json"),
     "evaluate pets": "--data --out --json",
     "evaluate towncentre": "--data --out --json",

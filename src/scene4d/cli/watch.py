@@ -13,7 +13,7 @@ from scene4d.cli.arguments import parse_person_height
 from scene4d.cli.command import Answer, Job, command, output_folder
 
 if TYPE_CHECKING:
-    from scene4d.tracking.live import WatchRun
+    from scene4d.tracking import WatchRun
 
 _WATCHING = "Input"
 _MEANING = "Scene"
@@ -110,9 +110,8 @@ def watch(
       scene4d watch gate.mp4 --camera gate/camera.json --out scene --rate 5
     """
     height_m = None if person_height is None else parse_person_height(person_height)
-    from scene4d.tracking import TrackOptions
-    from scene4d.tracking.live import WatchOptions
-    from scene4d.tracking.live import watch as watch_camera
+    from scene4d.tracking import TrackOptions, WatchOptions
+    from scene4d.tracking import watch as watch_camera
 
     tracking = TrackOptions(name=name, rate_hz=rate, person_height_m=height_m, detector=detector)
     options = WatchOptions(give_up_s=give_up)

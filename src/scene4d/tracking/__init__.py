@@ -2,5 +2,6 @@
 
 from scene4d.tracking._options import TrackOptions, TrackRun
 from scene4d.tracking._running import track
+from scene4d.tracking.live import WatchOptions, WatchRun, watch
 
-__all__ = ["TrackOptions", "TrackRun", "track"]
+__all__ = ["TrackOptions", "TrackRun", "WatchOptions", "WatchRun", "track", "watch"]
