@@ -1,9 +1,9 @@
 """Turn a fixed camera into a metric sensor, from the people who walk through its own footage.
 
 ``calibrate`` finds the camera of footage, ``solve_camera`` that of points; ``track`` writes a
-:class:`Scene` of people and vehicles in metres, ``watch`` does so while a camera runs; ``search`` finds activities in it that are told in
-words. :class:`Camera` projects and locates. Everything is loaded when it is first used, so that
-importing the package costs nothing.
+:class:`Scene` of people and vehicles in metres, ``watch`` does so while a camera runs; ``search``
+finds activities in it that are told in words. :class:`Camera` projects and locates. Everything is
+loaded when it is first used, so that importing the package costs nothing.
 """
 
 from typing import TYPE_CHECKING, Any

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -124,12 +125,13 @@ class LiveSource(Source):
 
     def _read(self) -> None:
         try:
-            source: Source | None = self._source
+            source: Any = self._source
             while source is not None:
                 self._source = source
                 with source:
                     self._play(source)
-                source = self._again(source)
+                    lives = isinstance(source, StreamSource) and not source.is_recording
+                source = self._again(source) if lives else None
         except Exception as error:  # told to whoever takes
             self._error = error
         finally:
@@ -170,10 +172,8 @@ class LiveSource(Source):
             "behind; a lower rate keeps up"
         )
 
-    def _again(self, lost: Source) -> Source | None:
+    def _again(self, lost: StreamSource) -> Source | None:
         """The same stream, opened once more; None where nothing more will come."""
-        if not isinstance(lost, StreamSource) or lost.is_recording:
-            return None
         wait_s, since_s = _FIRST_WAIT_S, time.monotonic()
         if not self._stopping.is_set():
             _LOG.warning("%s: the stream %s; opening it again", self.name, lost.ending)

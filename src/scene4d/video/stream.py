@@ -52,7 +52,6 @@ class StreamSource(Source):
                 f"({getattr(error, 'strerror', None) or 'no answer'}); check its address, user and "
                 "password with a player, or record a clip and give the file"
             ) from error
-        self.is_recording = bool(self._container.duration)  # behind an address, of a known length
         stream = video_stream(self._container, self.name)
         if live:  # several frames at once are several frames late
             stream.thread_type = "SLICE"
@@ -103,6 +102,11 @@ class StreamSource(Source):
     def ending(self) -> str:
         """How the stream ended, as in "ended after 3.2 s"."""
         return self._end or "ended"
+
+    @property
+    def is_recording(self) -> bool:
+        """Whether it is a recording behind an address, which states its length; while it is open."""
+        return bool(self._container.duration)
 
     def thinned(self, rate_hz: float) -> Iterator[Frame]:
         """The first frame in each 1/rate of a second; the others are decoded only."""
