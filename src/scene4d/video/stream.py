@@ -105,7 +105,7 @@ class StreamSource(Source):
 
     @property
     def is_recording(self) -> bool:
-        """Whether it is a recording behind an address, which states its length; while it is open."""
+        """Whether it is a recording behind an address, of a known length; asked while open."""
         return bool(self._container.duration)
 
     def thinned(self, rate_hz: float) -> Iterator[Frame]:
