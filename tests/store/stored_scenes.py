@@ -43,6 +43,7 @@ def walk(n: int, *, seed: int = 0, objects: int = 7, keypoints: int = 3, start_s
         keypoint_score=score,
         score=np.where(observed, rng.random(n), np.nan),
         observed=observed,
+        existence_probability=rng.random(n),
     )
 
 
@@ -87,6 +88,7 @@ def _shapes(k):
         "keypoint_uv": (k, 2),
         "keypoint_score": (k,),
         "score": (),
+        "existence_probability": (),
     }
 
 

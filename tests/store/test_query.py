@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
@@ -460,3 +461,23 @@ def test_names_and_folders_that_mean_something_to_sql(tmp_path):
     scene = Scene.open(store(folder, walk(60), camera=name))
     assert len(scene.tracks(cameras=[name])) == 60
     assert scene.sql("SELECT count(*) AS n FROM scene")["n"].to_pylist() == [60]
+
+
+def test_runs_of_before_a_column_was_added_are_read_beside_new_ones(tmp_path, monkeypatch):
+    from scene4d.store import runs, schema
+
+    whole = schema.COLUMNS
+    old = walk(30)
+    new = replace(walk(30), existence_probability=np.full(30, 0.9))
+    with monkeypatch.context() as before:
+        for module in (runs, schema):
+            before.setattr(module, "COLUMNS", whole[:-1])
+        store(tmp_path, old, run="old")
+    only = Scene.open(tmp_path).tracks()
+    assert np.isnan(only.existence_probability).all()
+    store(tmp_path, new, run="new")
+    both = Scene.open(tmp_path)
+    assert both.sql("SELECT count(existence_probability) AS n FROM scene")["n"].to_pylist() == [30]
+    found = both.only("new").tracks()
+    assert (found.existence_probability == 0.9).all()
+    assert len(both.tracks()) == 60

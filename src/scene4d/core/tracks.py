@@ -72,7 +72,8 @@ class Tracks(Columns):
     ``velocity_mps`` and ``velocity_covariance`` (m²/s²) come from smoothing, ``heading_rad`` (from
     +X to +Y) from the motion, or from the shape of a standing vehicle. Where ``observed`` is false
     the row bridges a gap, and its box and score are NaN. Positions are NaN where a detection has no
-    ground point.
+    ground point. ``existence_probability`` is that of the whole track: that it shows an object of
+    its kind and not a mistake of the detector; NaN where unknown (the default).
     """
 
     track: Int[np.ndarray, "n"]
@@ -91,8 +92,11 @@ class Tracks(Columns):
     keypoint_score: Float[np.ndarray, "n k"]
     score: Float[np.ndarray, "n"]
     observed: Bool[np.ndarray, "n"]
+    existence_probability: Float[np.ndarray, "n"] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
+        if self.existence_probability is None:
+            object.__setattr__(self, "existence_probability", np.full(len(self.track), np.nan))
         self.check_rows("tracks")
 
     @property
@@ -115,7 +119,8 @@ class Tracks(Columns):
         flat |= _symmetric("var_v", self.velocity_covariance)
         flat |= {"heading_rad": self.heading_rad, "heading_sigma_rad": self.heading_sigma_rad}
         flat |= zip(("x1", "y1", "x2", "y2"), self.box_xyxy.T, strict=True)
-        return flat | {"score": self.score, "observed": self.observed}
+        flat |= {"score": self.score, "observed": self.observed}
+        return flat | {"existence_probability": self.existence_probability}
 
     def to_pandas(self) -> Any:
         """The columns as a pandas DataFrame; needs pandas."""

@@ -114,16 +114,21 @@ def conditions_of(asked: Question) -> list[str]:
 
 def source_of(parts: Sequence[tuple[Stored, Part]]) -> str:
     """SQL for all rows of these parts, in their order."""
-    files: dict[int, list[str]] = {}
+    files: dict[tuple[int, tuple[str, ...]], list[str]] = {}
     for one, part in parts:
-        files.setdefault(one.track_offset, []).append(
+        files.setdefault((one.track_offset, one.run.lacks), []).append(
             text_sql(pattern_of(str((one.folder / part.path).absolute())))
         )
     return " UNION ALL ".join(
-        f"SELECT * {f'REPLACE (track + {offset} AS track)' if offset else ''} "
+        f"SELECT * {f'REPLACE (track + {offset} AS track)' if offset else ''}{_nothing(lacks)} "
         f"FROM read_parquet([{', '.join(paths)}], hive_partitioning = false)"
-        for offset, paths in files.items()
+        for (offset, lacks), paths in files.items()
     )
+
+
+def _nothing(columns: Sequence[str]) -> str:
+    """SQL of columns that the files do not have."""
+    return "".join(f", NULL::DOUBLE AS {name_sql(name)}" for name in columns)
 
 
 def with_nan(column: Any) -> str:

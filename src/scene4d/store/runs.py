@@ -71,7 +71,8 @@ class Run:
 
     ``start_ns`` is nanoseconds since 1970 in UTC, 0 if ``start_known`` is false. The parts' times
     are seconds from that start, end included. Track numbers begin at ``track_base``. ``classes``
-    counts rows per class, ``keypoints`` is the number of keypoints per row.
+    counts rows per class, ``keypoints`` is the number of keypoints per row. ``lacks`` names columns
+    that its parts were written without, by an earlier version.
     """
 
     run: str
@@ -85,6 +86,7 @@ class Run:
     parts: tuple[Part, ...]
     software: str
     provenance: dict[str, Any]
+    lacks: tuple[str, ...] = ()
 
     @property
     def span_s(self) -> tuple[float, float] | None:
@@ -101,9 +103,11 @@ class Run:
             "start": _iso(self.start_ns),
             "begin": begin,
             "end": end,
-            "columns": [asdict(column) for column in COLUMNS],
+            "columns": [asdict(column) for column in COLUMNS if column.name not in self.lacks],
         }
-        return readable | asdict(self)
+        said = readable | asdict(self)
+        del said["lacks"]
+        return said
 
     def moment_ns(self, time_s: float) -> int:
         """Nanoseconds since 1970 of a time in this run."""
@@ -118,6 +122,7 @@ class Run:
         if type(start_ns) is not int or not -_MOST_NS < start_ns < _MOST_NS:
             raise said.error("start_ns", "nanoseconds since 1970 in 64 bits")
         said.object("provenance")
+        columns = [one.text("name") for one in said.objects("columns")]
         return cls(
             run=said.text("run"),
             camera=said.text("camera"),
@@ -130,6 +135,7 @@ class Run:
             parts=tuple(map(_part, said.objects("parts"))),
             software=said.text("software"),
             provenance=said.value("provenance"),
+            lacks=tuple(one.name for one in COLUMNS if one.nullable and one.name not in columns),
         )
 
 

@@ -69,10 +69,13 @@ COLUMNS: tuple[Column, ...] = (
     Column("keypoint_score", "list<float32>", "0 to 1"),
     Column("score", "float64", "0 to 1"),
     Column("observed", "bool", "", nullable=False),
+    Column("existence_probability", "float64", "0 to 1"),
 )
 """The columns of a scene, in order. ``var_`` is the independent part of a covariance, ``shared_``
 the part due to calibration error, common to all rows. ``time`` is UTC, counted from 1970-01-01 if
-the footage's start is unknown. Positions are on the ground in the camera's metres, Z up."""
+the footage's start is unknown. Positions are on the ground in the camera's metres, Z up.
+``existence_probability`` is a track's, as known when the row became final. New columns come last
+and can be null: runs written without them are read as if they were null."""
 COLUMN_NAMES: tuple[str, ...] = tuple(column.name for column in COLUMNS)
 KEYPOINT_COLUMNS: tuple[str, ...] = ("keypoint_u", "keypoint_v", "keypoint_score")
 
@@ -220,6 +223,7 @@ def from_table(table: Table, rows: Int[np.ndarray, "m"] | None = None) -> Tracks
         keypoint_score=keypoint_score,
         score=columns("score")[:, 0],
         observed=column("observed"),
+        existence_probability=columns("existence_probability")[:, 0],
     )
 
 
@@ -241,6 +245,7 @@ def _floats(tracks: Tracks) -> dict[str, np.ndarray]:
         "heading_rad": tracks.heading_rad,
         "heading_sigma_rad": tracks.heading_sigma_rad,
         "score": tracks.score,
+        "existence_probability": tracks.existence_probability,
     }
     columns |= zip(("x_m", "y_m"), tracks.xy_m.T, strict=True)
     columns |= zip(("vx_mps", "vy_mps"), tracks.velocity_mps.T, strict=True)

@@ -15,7 +15,7 @@ from scene4d.core.progress import timed
 from scene4d.core.tracks import VEHICLES, Located, Tracks
 from scene4d.store.log import Look
 from scene4d.tracking._association import GroundTracker
-from scene4d.tracking._belief import Belief
+from scene4d.tracking._belief import FEWEST_SIGHTINGS, LEAST_REAL, Belief
 from scene4d.tracking._fixed_lag import FixedLagSmoother
 from scene4d.tracking._levels import located_on_levels
 from scene4d.tracking._sightings import Sightings
@@ -101,6 +101,9 @@ class _Follower:
         self._held.append((self._rows, look.detections, located))
         self._rows += len(seen)
         for frame, time_s, rows in look.frames():
+            if self._belief is not None:
+                with timed(self._timings, "believe"):
+                    self._belief.add(time_s, seen.track[rows], look.detections.select(rows))
             with timed(self._timings, "smooth"):
                 final = self._smoother.update(time_s, frame, seen.select(rows))
             if final is not None:
@@ -133,8 +136,6 @@ class _Follower:
         with timed(self._timings, "place"):
             seen = _sightings(d, track, located)
             located = self._with_headings(d, seen, located, hidden)
-        if self._belief is not None:
-            self._belief.add(track, d, located)
         return _sightings(d, track, located), located
 
     def _associate(self, look: Look, located: Located) -> Int[np.ndarray, "n"]:
@@ -203,8 +204,11 @@ class _Follower:
 
     def _tracks(self, final: Smoothed) -> Tracks:
         """Smoothed rows of the accepted tracks, with the detection behind each of them."""
+        real = np.ones(len(final))
         if self._belief is not None:
-            final = final.select(self._belief.holds(final.track))
+            real = self._belief.probability(final.track)
+            held = (real >= LEAST_REAL) & (self._belief.sightings(final.track) >= FEWEST_SIGHTINGS)
+            final, real = final.select(held), real[held]
         with timed(self._timings, "smooth"):
             found = _seen_at(final.source, self._held)
             with_camera = shared_covariance(self._calibration, final.xy_m)
@@ -226,6 +230,7 @@ class _Follower:
             keypoint_score=found.keypoint_score,
             score=found.score,
             observed=final.observed,
+            existence_probability=real,
         )
 
     def _all_headings(self, final: Smoothed, found: "_Seen") -> tuple[np.ndarray, np.ndarray]:

@@ -65,6 +65,7 @@ def _columns(piece: SceneTable, tracks: Tracks) -> dict[str, Array]:
     for i, name in enumerate(("x1_px", "y1_px", "x2_px", "y2_px")):
         columns[name] = column(tracks.box_xyxy[:, i], PIXELS)
     columns["score"] = column(tracks.score, SCORE)
+    columns["existence_probability"] = column(tracks.existence_probability, SCORE)
     for i, name in enumerate(piece.keypoint_names):
         columns[f"{name}_u_px"] = column(tracks.keypoint_uv[:, i, 0], PIXELS)
         columns[f"{name}_v_px"] = column(tracks.keypoint_uv[:, i, 1], PIXELS)
