@@ -10,15 +10,11 @@ from jaxtyping import Float, Float32, UInt8
 
 from scene4d.core.people import Detections
 from scene4d.core.progress import timed
-from scene4d.core.tracks import CLASSES, VEHICLES
+from scene4d.core.tracks import CLASSES
+from scene4d.perception._duplicates import boxes_of, one_per_vehicle
+from scene4d.perception.attention import Attention
 from scene4d.perception.detectors._base import Detector
 from scene4d.perception.detectors.tiles import ExpectedPersonPx, TiledDetector
-
-_SAME_IOU = 0.5
-"""Boxes of cars, trucks and buses (or of bicycles and motorcycles) that overlap more are merged;
-the usual threshold."""
-_PART_SHARE = 0.8
-"""A box with this share inside a better one of its class is a part of it; chosen by hand."""
 
 _BINS = 8
 _PARTS = ((0.15, 0.5), (0.55, 0.9))
@@ -28,7 +24,6 @@ _MIDDLE = (0.25, 0.75)
 _CLOTHES_AB = (98.0, 158.0)
 """Range of a* and b* (neutral: 128) that clothes use. These four values are chosen by hand."""
 
-_WHEELS = {name: 2 if name in ("bicycle", "motorcycle") else 4 for name in VEHICLES}
 _NAME = f"<U{max(map(len, CLASSES))}"
 
 
@@ -70,12 +65,14 @@ class ObjectDetector:
     """Detects people and vehicles, one row each, without tracks.
 
     If ``vehicles`` is None, ``people`` detects the vehicles too. People that ``vehicles`` finds are
-    ignored. ``timings`` holds the seconds spent by stage.
+    ignored. With an ``attention`` (see :meth:`attentive`) frames must be given in order of time.
+    ``timings`` holds the seconds spent by stage.
     """
 
     people: Detector
     keypoints: PoseEstimator | None = None
     vehicles: Detector | None = None
+    attention: Attention | None = None
     timings: dict[str, float] = field(default_factory=dict)
 
     @classmethod
@@ -99,6 +96,15 @@ class ObjectDetector:
         assert people is not None
         return replace(self, people=people, vehicles=told(self.vehicles))
 
+    def attentive(self) -> "ObjectDetector":
+        """The same detector for successive frames of a still camera: looks where they change."""
+        return replace(self, attention=Attention(self.people, self.vehicles))
+
+    def begin(self) -> None:
+        """Forget earlier frames: what follows depends on what follows only."""
+        if self.attention is not None:
+            self.attention.begin()
+
     def look(self, frame: TimedImage) -> tuple[Detections, Float32[np.ndarray, "n 48"]]:
         """Detections in a frame, and the colours of every row (see ``colour_histograms``).
 
@@ -106,21 +112,13 @@ class ObjectDetector:
         the bicycle are two rows. Keypoints of vehicles are NaN with score 0.
         """
         image = frame.image_bgr
-        with timed(self.timings, "detect people"):
-            found = self.people.detect(image)
-        person_box, person_score = _boxes(_persons(found))
-        if self.vehicles is not None:
-            with timed(self.timings, "detect vehicles"):
-                found = self.vehicles.detect(image)
-        vehicles = one_per_vehicle(found)
-        vehicle_box, vehicle_score = _boxes(vehicles)
+        found, vehicles = self._found(frame)
+        person_box, person_score = boxes_of(found)
+        vehicle_box, vehicle_score = boxes_of(vehicles)
         n, m = len(person_box), len(vehicle_box)
-        names: tuple[str, ...] = ()
-        uv, uv_score = np.empty((n, 0, 2)), np.empty((n, 0))
-        if self.keypoints is not None:
-            names = self.keypoints.names
-            with timed(self.timings, "keypoints"):
-                uv, uv_score = self.keypoints.estimate(image, person_box)
+        names: tuple[str, ...] = () if self.keypoints is None else self.keypoints.names
+        with timed(self.timings, "keypoints"):
+            uv, uv_score = self._keypoints(frame, person_box)
         box = np.concatenate([person_box, vehicle_box])
         with timed(self.timings, "appearance"):
             colours = colour_histograms(image, box).astype(np.float32)
@@ -138,6 +136,36 @@ class ObjectDetector:
         )
         return table, colours
 
+    def _keypoints(self, frame: TimedImage, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Keypoints (n, k, 2) of the people in a frame, and their scores (n, k)."""
+        if self.keypoints is None:
+            return np.empty((len(box), 0, 2)), np.empty((len(box), 0))
+        if self.attention is None:
+            return self.keypoints.estimate(frame.image_bgr, box)
+        postures, columns = self.attention.postures, len(self.keypoints.names)
+        still = not self.attention.looked
+        uv, score, rows = postures.carried(box, frame.time_s, columns, still=still)
+        if len(rows):
+            uv[rows], score[rows] = self.keypoints.estimate(frame.image_bgr, box[rows])
+        postures.keep(box, uv, score)
+        return uv, score
+
+    def _found(self, frame: TimedImage) -> tuple[sv.Detections, sv.Detections]:
+        """The people and the vehicles in a frame."""
+        image, watch = frame.image_bgr, self.attention
+        with timed(self.timings, "detect people"):
+            if watch is None:
+                found = self.people.detect(image)
+            else:
+                found = watch.people(image, frame.time_s)
+        people = _persons(found)
+        if self.vehicles is None:
+            return people, one_per_vehicle(found)
+        with timed(self.timings, "detect vehicles"):
+            if watch is None:
+                return people, one_per_vehicle(self.vehicles.detect(image))
+            return people, watch.vehicles(image, boxes_of(people)[0])
+
 
 def _persons(found: sv.Detections) -> sv.Detections:
     """The people among detections; all of them if the detector names no classes."""
@@ -147,37 +175,6 @@ def _persons(found: sv.Detections) -> sv.Detections:
     chosen = found[np.asarray(names) == "person"]
     assert isinstance(chosen, sv.Detections)  # a mask never gives a single field
     return chosen
-
-
-def one_per_vehicle(found: sv.Detections) -> sv.Detections:
-    """The vehicles among detections, one row each, best first.
-
-    Of boxes of several classes that overlap by more than ``_SAME_IOU`` (a pick-up detected as car
-    and truck) the best is kept. Two-wheelers are treated separately from cars, trucks and buses,
-    since one can stand in front of the other. Then boxes inside a better one of their own class
-    are removed as parts.
-    """
-    names = np.asarray(found.data.get("class_name", []), dtype=object)
-    kept = np.flatnonzero([name in VEHICLES for name in names])
-    if not len(kept):
-        return sv.Detections.empty()
-    box, score = _boxes(found)
-    kept = kept[np.argsort(-score[kept], kind="stable")]
-    kind = names[kept].astype(str)
-    vehicles = sv.Detections(
-        xyxy=box[kept],
-        confidence=score[kept],
-        class_id=np.array([_WHEELS[name] for name in kind]),
-        data={"class_name": kind},
-    ).with_nms(_SAME_IOU)
-    vehicles.class_id = np.array([VEHICLES.index(name) for name in vehicles.data["class_name"]])
-    return vehicles.with_nms(_PART_SHARE, overlap_metric=sv.OverlapMetric.IOS)
-
-
-def _boxes(found: sv.Detections) -> tuple[np.ndarray, np.ndarray]:
-    box = np.asarray(found.xyxy, float).reshape(-1, 4)
-    score = np.ones(len(box)) if found.confidence is None else np.asarray(found.confidence, float)
-    return box, score
 
 
 def colour_histograms(

@@ -100,6 +100,7 @@ def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
         "image_size": list(footage.image_size),
         "rate_hz": options.rate_hz,
         "detector": _identity(options.detector),
+        "looks_at": "what changed",
         "chunk_s": _CHUNK_S,
         "camera": hashlib.sha256(described).hexdigest()[:12],
         "person_height_m": options.person_height_m,
@@ -140,7 +141,8 @@ def detectors(job: Job) -> "ObjectDetector":
         onnx = _is_onnx(chosen)
         one = OnnxYoloxDetector(Path(chosen)) if onnx else make_detector(str(chosen))
         found = ObjectDetector(one, KeypointEstimator())
-    return found.expecting(lambda rows: person_px(job.camera, rows, job.person_height_m))
+    found = found.expecting(lambda rows: person_px(job.camera, rows, job.person_height_m))
+    return found.attentive()
 
 
 def _is_onnx(chosen: str | Path) -> bool:
@@ -217,6 +219,7 @@ def _looks(
                 monitor.check()
                 yield look_of(seen, monitor.image_size)
                 seen, chunk = [], chunk + 1
+                objects.begin()
             monitor.add(frame)
             seen.append((frame, *objects.look(frame)))
     except KeyboardInterrupt:

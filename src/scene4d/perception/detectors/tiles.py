@@ -188,14 +188,26 @@ class TiledDetector(ABC):
     def detect(self, image_bgr: UInt8[np.ndarray, "h w 3"]) -> sv.Detections:
         """Objects of one image, best first, with ``data["class_name"]``; one box per object."""
         require_bgr(image_bgr)
-        parts = [self.infer(image_bgr, self.whole_threshold)]
+        regions = self.regions((image_bgr.shape[1], image_bgr.shape[0]))
+        return self.joined([self.look_at(image_bgr, region) for region in regions])
+
+    def regions(self, image_size: tuple[int, int]) -> Int[np.ndarray, "n 4"]:
+        """What is looked at in an image of (width, height): all of it, then tiles."""
+        tiles = choose_tiles(image_size, self.expected_person_px, self.sight)
+        return np.concatenate([[[0, 0, *image_size]], tiles])
+
+    def look_at(self, image_bgr: np.ndarray, region: Int[np.ndarray, "4"]) -> Boxes:
+        """What is seen in one of the regions; a box that a tile cuts is left to its neighbour."""
         size = (image_bgr.shape[1], image_bgr.shape[0])
-        wanted = choose_tiles(size, self.expected_person_px, self.sight)
-        for tile in wanted:
-            x1, y1, x2, y2 = tile
-            part = self.infer(image_bgr[y1:y2, x1:x2], self.tile_threshold)
-            part = part._replace(xyxy=part.xyxy + np.array([x1, y1, x1, y1]))
-            parts.append(part.select(~cut_by_tile(part.xyxy, tile, size)))
+        x1, y1, x2, y2 = region
+        whole = (x2 - x1, y2 - y1) == size
+        threshold = self.whole_threshold if whole else self.tile_threshold
+        found = self.infer(image_bgr[y1:y2, x1:x2], threshold)
+        found = found._replace(xyxy=found.xyxy + np.array([x1, y1, x1, y1]))
+        return found.select(~cut_by_tile(found.xyxy, region, size))
+
+    def joined(self, parts: list[Boxes]) -> sv.Detections:
+        """What was seen in all regions, best first; one box per object."""
         found = Boxes(*(np.concatenate(column) for column in zip(*parts, strict=True)))
         found = found.select(np.argsort(-found.score))
         names = np.array(self.class_names)[found.label]

@@ -26,6 +26,7 @@ their surroundings are mistaken more often. Chosen by hand on the tuning cameras
 
 _PAD = 114.0  # grey level around the picture, as the networks were trained
 _STRIDES = ((8, 16, 32), (8, 16, 32, 64))
+_COARSEST = 32
 _FIXED = 5  # columns before the classes: box and objectness
 
 
@@ -62,16 +63,25 @@ class OnnxYoloxDetector(TiledDetector):
         height, width = image_bgr.shape[:2]
         scale = min(self._size[0] / width, self._size[1] / height)
         size = (max(1, round(width * scale)), max(1, round(height * scale)))
-        canvas = np.full((self._size[1], self._size[0], 3), _PAD, np.float32)
+        columns, rows = self._canvas_size(size)
+        canvas = np.full((rows, columns, 3), _PAD, np.float32)
         canvas[: size[1], : size[0]] = cv2.resize(image_bgr, size, interpolation=cv2.INTER_LINEAR)
         found = self._read(self._run(canvas), threshold)
         # The network's boxes measure from the image's edge, not from the first pixel's centre.
         shrink = np.array([size[0] / width, size[1] / height] * 2)
         return found._replace(xyxy=found.xyxy / shrink - 0.5).clipped(width, height)
 
+    def _canvas_size(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Width and height of the input for a picture that has been shrunk to ``size``."""
+        return self._size
+
+    def _session_for(self, size: tuple[int, int]) -> Any:
+        return self._session
+
     def _run(self, canvas: np.ndarray) -> list[np.ndarray]:
         blob = np.ascontiguousarray(canvas.transpose(2, 0, 1)[None])
-        outputs: list[np.ndarray] = self._session.run(self._outputs, {self._input: blob})
+        session = self._session_for((canvas.shape[1], canvas.shape[0]))
+        outputs: list[np.ndarray] = session.run(self._outputs, {self._input: blob})
         return outputs
 
     def _choose_layout(self) -> None:
@@ -124,10 +134,53 @@ class OnnxYoloxDetector(TiledDetector):
 
 
 class YoloxDetector(OnnxYoloxDetector):
-    """YOLOX-tiny, which finds persons; gets the weights if they are missing."""
+    """YOLOX-tiny, which finds persons; gets the weights if they are missing.
+
+    A picture is not padded to a square: 4:3 takes three quarters of the time then, 16:9 six tenths.
+    """
 
     def __init__(self) -> None:
+        self._sessions: dict[tuple[int, int], Any] = {}
         super().__init__(weight_path("yolox-tiny"), class_names=("person",))
+
+    def _canvas_size(self, size: tuple[int, int]) -> tuple[int, int]:
+        return size[0] + -size[0] % _COARSEST, size[1] + -size[1] % _COARSEST
+
+    def _session_for(self, size: tuple[int, int]) -> Any:
+        if size == self._size:
+            return self._session
+        if size not in self._sessions:
+            self._sessions[size] = open_session(_of_size(self._path, size))
+        return self._sessions[size]
+
+
+def _of_size(path: Path, size: tuple[int, int]) -> bytes:
+    """YOLOX-tiny for pictures of another (width, height), multiples of its coarsest stride.
+
+    The file holds the shapes of the first layer, which puts every second row and column into a
+    channel of its own, a table of where the cells are, one of their strides, and their number.
+    """
+    import onnx
+
+    model = onnx.load(path)
+    shape = model.graph.input[0].type.tensor_type.shape.dim
+    before = (shape[3].dim_value, shape[2].dim_value)
+    shape[2].dim_value, shape[3].dim_value = size[1], size[0]
+    del model.graph.value_info[:]  # shapes within, for the old size
+    cells = len(_grid(before, _STRIDES[0]))
+    grid = _grid(size, _STRIDES[0]).astype(np.float32)
+    for constant in model.graph.initializer:
+        old = onnx.numpy_helper.to_array(constant)
+        new = old.copy()
+        if old.shape == (cells, 2):
+            new = grid[:, 2:] * (grid[:, :2] if (old[0] == 0).all() else 1)
+        elif old.tolist() == [cells]:
+            new[:] = len(grid)
+        elif old.ndim == 1 and old.dtype == np.int64:
+            halves = np.flatnonzero(old == before[0] // 2)
+            new[halves] = (size[1] // 2, size[0] // 2)[: len(halves)]
+        constant.CopyFrom(onnx.numpy_helper.from_array(new, constant.name))
+    return bytes(model.SerializeToString())
 
 
 def _best_classes(rows: np.ndarray, grid: np.ndarray | None, threshold: float) -> Boxes:

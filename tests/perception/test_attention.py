@@ -1,0 +1,203 @@
+"""Looking only where something changed: fake detectors that count, on pictures made here."""
+
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+import supervision as sv
+
+from scene4d.perception._changes import GreyCopy, changed
+from scene4d.perception._postures import Postures
+from scene4d.perception.detectors._base import COCO80
+from scene4d.perception.detectors.tiles import Boxes, Sight, TiledDetector
+from scene4d.perception.objects import ObjectDetector
+
+SIZE = (640, 480)
+CAR, PERSON = (100, 200, 260, 290), (400, 200, 430, 290)
+GROUND = np.random.default_rng(0).integers(90, 110, (480, 640, 3)).astype(np.uint8)
+
+
+def moved(box, right):
+    return (box[0] + right, box[1], box[2] + right, box[3])
+
+
+def picture(*things, seed=0):
+    """Ground with noise, and a rectangle of its own brightness for every thing."""
+    image = GROUND.astype(int)
+    for (x1, y1, x2, y2), grey in things:
+        image[max(y1, 0) : y2, max(x1, 0) : x2] = grey
+    noise = np.random.default_rng(seed).normal(0, 2, image.shape)
+    return np.clip(image + noise, 0, 255).astype(np.uint8)
+
+
+class Fake(TiledDetector):
+    """Finds what the test says, in whatever it is shown."""
+
+    def __init__(self, sight=None):
+        super().__init__(
+            class_names=COCO80,
+            sight=sight or Sight(608, 960, 20.0, 12.0),
+            whole_threshold=0.3,
+            tile_threshold=0.3,
+        )
+        self.there = []
+        self.shown = []
+
+    def infer(self, image_bgr, threshold):
+        self.shown.append(image_bgr.shape[1::-1])
+        boxes = np.array([b for _, b in self.there], float).reshape(-1, 4)
+        label = np.array([COCO80.index(n) for n, _ in self.there], int)
+        return Boxes(boxes, np.full(len(boxes), 0.8), label)
+
+
+class Scene:
+    """An attentive detector, ten pictures a second."""
+
+    def __init__(self):
+        self.people, self.cars = Fake(), Fake()
+        told = ObjectDetector(self.people, None, self.cars).expecting(np.full(480, 100.0))
+        self.objects = told.attentive()
+        self.people, self.cars = told.people, told.vehicles
+        self.index = 0
+
+    def show(self, *things, people=(), cars=(), seed=None):
+        image = picture(*things, seed=self.index if seed is None else seed)
+        self.people.there = [("person", box) for box in people]
+        self.cars.there = [("car", box) for box in cars]
+        frame = SimpleNamespace(index=self.index, time_s=self.index / 10, image_bgr=image)
+        self.index += 1
+        before = len(self.cars.shown)
+        found, _ = self.objects.look(frame)
+        self.looked = len(self.cars.shown) > before
+        return found.select(found.class_name == "car").box_xyxy
+
+
+def test_noise_and_light_are_no_change_and_a_person_far_away_is_one():
+    before = GreyCopy(picture(seed=1))
+    after = picture(seed=2)
+    brighter = np.clip(after.astype(int) + 25, 0, 255).astype(np.uint8)
+    for image in (after, brighter):
+        assert not changed(GreyCopy(image).grey, before.grey).any()
+    somebody = GreyCopy(picture(((300, 200, 306, 214), 60), seed=3))
+    mask = changed(somebody.grey, before.grey)
+    assert mask[somebody.cells(np.array([300, 200, 306, 214]))].mean() > 0.8
+    assert mask.sum() < 150
+
+
+def test_a_parked_car_is_looked_at_rarely_and_reported_always():
+    scene, looks = Scene(), 0
+    for _ in range(100):
+        found = scene.show((CAR, 30), cars=[CAR])
+        looks += scene.looked
+        assert len(found) == 1 and np.allclose(found, CAR)
+    assert 6 <= looks <= 9  # three at first, then one in 2 s
+
+
+def test_somebody_who_walks_past_does_not_make_it_look_at_vehicles():
+    scene, looks = Scene(), 0
+    for k in range(60):
+        person = moved(PERSON, 4 * k - 100)
+        found = scene.show((CAR, 30), (person, 200), people=[person], cars=[CAR])
+        looks += scene.looked
+        assert len(found) == 1
+    assert looks <= 6
+    assert len(scene.people.shown) == 60
+
+
+def test_a_car_that_drives_is_looked_at_in_every_frame_and_never_where_it_was():
+    scene = Scene()
+    for _ in range(20):
+        scene.show((CAR, 30), cars=[CAR])
+    for k in range(1, 40):
+        box = moved(CAR, 15 * k)
+        seen = box[0] < 600
+        found = scene.show((box, 30), cars=[box] if seen else [])
+        if k >= 2:
+            assert scene.looked or not seen
+            assert len(found) == seen
+            assert not seen or np.allclose(found, box)
+    assert len(scene.show()) == 0
+
+
+def test_what_is_taken_for_a_car_once_is_not_carried_on():
+    scene = Scene()
+    counts = [len(scene.show(cars=[CAR] if k == 1 else [])) for k in range(10)]
+    assert counts == [0, 1, *[0] * 8]
+    scene = Scene()  # and what is missed once is
+    counts = [len(scene.show((CAR, 30), cars=[CAR] if k != 2 else [])) for k in range(10)]
+    assert counts == [1] * 10
+
+
+def test_what_follows_a_beginning_depends_on_nothing_before():
+    def run(scene, frames):
+        out = []
+        for k in frames:
+            box = moved(CAR, 3 * k)
+            flicker = [CAR] if k % 3 else []
+            out.append(scene.show((box, 30), cars=[box, *flicker], seed=k))
+        return out
+
+    whole = Scene()
+    run(whole, range(15))
+    whole.objects.begin()
+    fresh = Scene()
+    fresh.index = 15
+    for a, b in zip(run(whole, range(15, 40)), run(fresh, range(15, 40)), strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_only_tiles_that_changed_are_looked_at():
+    detector = Fake(Sight(100, 250, 20.0, 1.0))
+    objects = ObjectDetector(detector).attentive()
+    tiles = detector.regions(SIZE)
+    assert len(tiles) > 5
+    for k, thing in enumerate([(0, 0, 1, 1), (10, 10, 40, 60)]):
+        image = picture((thing, 200), seed=k)
+        objects.look(SimpleNamespace(index=k, time_s=k / 10, image_bgr=image))
+    assert len(detector.shown) == len(tiles) + 2  # the whole picture, and the tile in its corner
+
+
+def test_keypoints_move_with_the_box_and_are_taken_five_times_a_second():
+    postures, taken = Postures(), []
+    for k in range(10):
+        box = np.array([[10.0 + k, 20, 30 + k, 60], [100, 20, 120, 60 + k]])
+        uv, score, rows = postures.carried(box, k / 10, 1, still=False)
+        taken.append(len(rows))
+        middle = (box[:, None, :2] + box[:, None, 2:]) / 2
+        uv[rows], score[rows] = middle[rows], 0.9
+        assert np.allclose(uv, middle)
+        assert (score == 0.9).all()
+        postures.keep(box, uv, score)
+    assert taken == [2, 0] * 5
+
+
+@pytest.mark.parametrize("shift", [6, 60])
+def test_keypoints_are_not_carried_where_two_people_could_be_meant(shift):
+    postures = Postures()
+    box = np.array([[10.0, 20, 30, 60], [10 + shift, 20, 30 + shift, 60]])
+    for k in range(2):
+        uv, score, rows = postures.carried(box, k / 10, 1, still=False)
+        postures.keep(box, np.zeros_like(uv), np.ones_like(score))
+    assert len(rows) == (2 if shift == 6 else 0)
+
+
+@pytest.mark.weights
+@pytest.mark.shared_data
+def test_yolox_sees_the_same_without_the_padding_of_a_square(detector, pets_frames, monkeypatch):
+    boxes = {}
+    for name in ("rectangle", "square"):
+        if name == "square":
+            monkeypatch.setattr(type(detector), "_canvas_size", lambda self, size: (416, 416))
+        boxes[name] = [detector.detect(f.image_bgr) for f in pets_frames[::20]]
+    total = 0
+    for there, here in zip(boxes["square"], boxes["rectangle"], strict=True):
+        sure = there[there.confidence > 0.5]
+        near = sv.box_iou_batch(sure.xyxy, here.xyxy)
+        assert (near.max(axis=1) > 0.9).all()
+        assert np.abs(sure.confidence - here.confidence[near.argmax(axis=1)]).max() < 0.1
+        total += len(sure)
+    assert total > 15
+    portrait = cv2.rotate(pets_frames[0].image_bgr, cv2.ROTATE_90_CLOCKWISE)
+    monkeypatch.undo()
+    assert isinstance(detector.detect(portrait), sv.Detections)
