@@ -21,6 +21,12 @@ class Perfect:
     def expecting(self, _):
         return self
 
+    def attentive(self):
+        return self
+
+    def begin(self):
+        pass
+
     def look(self, frame):
         if self.until is not None and frame.index >= self.until:
             raise KeyboardInterrupt

@@ -16,7 +16,7 @@ import numpy as np
 from scene4d.core.errors import InputError
 from scene4d.perception._session import open_session
 from scene4d.perception.detectors._base import COCO80
-from scene4d.perception.detectors.tiles import Boxes, Sight, TiledDetector
+from scene4d.perception.detectors.tiles import INPUT_PX, Boxes, Sight, TiledDetector
 from scene4d.perception.weights import weight_path
 
 _WHOLE_THRESHOLD = 0.4
@@ -140,15 +140,22 @@ class YoloxDetector(OnnxYoloxDetector):
     """
 
     def __init__(self) -> None:
+        self._path = weight_path("yolox-tiny")
+        self._size, self._input, self._outputs = (INPUT_PX, INPUT_PX), "input", ["dets", "labels"]
+        self._grid = None
         self._sessions: dict[tuple[int, int], Any] = {}
-        super().__init__(weight_path("yolox-tiny"), class_names=("person",))
+        TiledDetector.__init__(
+            self,
+            class_names=("person",),
+            sight=Sight(),
+            whole_threshold=_WHOLE_THRESHOLD,
+            tile_threshold=_TILE_THRESHOLD,
+        )
 
     def _canvas_size(self, size: tuple[int, int]) -> tuple[int, int]:
         return size[0] + -size[0] % _COARSEST, size[1] + -size[1] % _COARSEST
 
     def _session_for(self, size: tuple[int, int]) -> Any:
-        if size == self._size:
-            return self._session
         if size not in self._sessions:
             self._sessions[size] = open_session(_of_size(self._path, size))
         return self._sessions[size]

@@ -1,0 +1,131 @@
+"""How fast ``track`` is, beside an earlier commit: python -m benchmarks.throughput
+
+    [--data DIR] [--commit b36787f] [--seconds 20] [--rounds 2] [--rates 10 5]
+
+The first seconds of the PETS video are tracked with the true camera by both, in turns and each in
+a process of its own, so that whatever else the machine does falls on both alike. Times are those of
+the whole command, start included; processor time counts all threads. The last table says how much
+longer detecting takes than the networks alone need within it, for this checkout.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import av
+import numpy as np
+
+from benchmarks.tables import Rows, machine, markdown
+
+ROOT = Path(__file__).parents[1]
+STAGES = ("detect people", "detect vehicles", "keypoints", "appearance")
+CHILD = """
+import json, sys, time
+import onnxruntime as ort
+begun = time.perf_counter()
+inside = 0.0
+plain = ort.InferenceSession.run
+def run(self, *given, **more):
+    global inside
+    begun = time.perf_counter()
+    found = plain(self, *given, **more)
+    inside += time.perf_counter() - begun
+    return found
+ort.InferenceSession.run = run
+from scene4d.cli import main
+video, camera, out, rate = sys.argv[1:]
+sys.argv = ["scene4d", "track", video, "--camera", camera, "--out", out, "--rate", rate, "--json"]
+try:
+    main()
+except SystemExit as ended:
+    assert not ended.code, ended.code
+wall = time.perf_counter() - begun
+print()
+print(json.dumps({"networks": inside, "wall": wall, "processor": time.process_time()}))
+"""
+
+
+def cut(video: Path, seconds: float, out: Path) -> int:
+    """The video's beginning, as it is encoded; the number of frames."""
+    with av.open(str(video)) as source, av.open(str(out), "w") as target:
+        stream = source.streams.video[0]
+        copy = target.add_stream_from_template(stream)
+        count = 0
+        for packet in source.demux(stream):
+            if packet.dts is None or float(packet.pts * stream.time_base) >= seconds:
+                break
+            packet.stream = copy
+            target.mux(packet)
+            count += 1
+    return count
+
+
+def tracked(code: Path, video: Path, camera: Path, rate: float) -> dict:
+    """One run of ``track`` by the package in the folder ``code``."""
+    with tempfile.TemporaryDirectory() as scratch:
+        command = [sys.executable, "-c", CHILD, str(video), str(camera), scratch, str(rate)]
+        environment = os.environ | {"PYTHONPATH": str(code / "src")}
+        done = subprocess.run(
+            command, env=environment, stdout=subprocess.PIPE, text=True, check=True
+        )
+    said, _, times = done.stdout.rstrip().rpartition("\n")
+    return json.loads(said) | json.loads(times)
+
+
+def compared(before: Path, video: Path, camera: Path, rate: float, asked) -> tuple[Rows, list]:
+    runs: dict[str, list[dict]] = {"before": [], "now": []}
+    for _ in range(asked.rounds):
+        for name, code in (("before", before), ("now", ROOT)):
+            runs[name].append(tracked(code, video, camera, rate))
+    rows: Rows = []
+    for what in ("wall", "processor"):
+        then, now = (np.median([r[what] for r in runs[name]]) for name in ("before", "now"))
+        rows.append(
+            [f"{rate:g} Hz", f"{what} time", f"{then:.1f} s", f"{now:.1f} s",
+             f"{then / now:.2f}", f"{asked.seconds / now:.1f}"]
+        )  # fmt: skip
+    return rows, runs["now"]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.throughput", description=__doc__)
+    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
+    parser.add_argument("--data", type=Path, default=Path(default))
+    parser.add_argument("--commit", default="b36787f")
+    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--rounds", type=int, default=2)
+    parser.add_argument("--rates", type=float, nargs="+", default=[10.0, 5.0])
+    asked = parser.parse_args()
+    folder = asked.data / "pets2009"
+    print(machine())
+    with tempfile.TemporaryDirectory() as scratch:
+        before, video = Path(scratch) / "before", Path(scratch) / "pets.avi"
+        git = ["git", "-C", str(ROOT), "worktree"]
+        subprocess.run([*git, "add", "--detach", str(before), asked.commit], check=True,
+                       capture_output=True)  # fmt: skip
+        try:
+            frames = cut(folder / "vtest.avi", asked.seconds, video)
+            times: Rows = [["PETS", "of the command", asked.commit, "now", "ratio", "x real time"]]
+            inside: Rows = [["PETS", "stages", "networks alone", "ratio", *STAGES]]
+            for rate in asked.rates:
+                rows, now = compared(before, video, folder / "View_001.xml", rate, asked)
+                times += rows
+                for run in now[-1:]:
+                    each = [run["timings_s"].get(name, 0.0) for name in STAGES]
+                    alone = run["networks"]
+                    inside.append(
+                        [f"{rate:g} Hz", f"{sum(each):.1f} s", f"{alone:.1f} s",
+                         f"{sum(each) / alone:.2f}", *(f"{s:.1f} s" for s in each)]
+                    )  # fmt: skip
+                    print(f"{frames} frames at {rate:g} Hz: tracks {run['tracks']}", flush=True)
+        finally:
+            subprocess.run([*git, "remove", "--force", str(before)], check=True)
+    print(f"\n{markdown(times)}\n\n{markdown(inside)}")
+
+
+if __name__ == "__main__":
+    main()
