@@ -129,8 +129,9 @@ def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Stage:
         step_s=step_s,
         zones=places.of(run.camera, "zone"),
         lines=places.of(run.camera, "line"),
+        everybody="annotations" not in run.provenance,
     )
-    if "annotations" in run.provenance:
+    if not stage.everybody:
         from scene4d.searching.activities.identity import unite_tracks  # SciPy's graphs load slowly
 
         stage = unite_tracks(stage)

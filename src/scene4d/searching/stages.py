@@ -22,9 +22,10 @@ def stage_of(
     step_s: float | None = None,
     zones: Mapping[str, Float[np.ndarray, "_ 2"]] | None = None,
     lines: Mapping[str, Float[np.ndarray, "_ 2"]] | None = None,
+    everybody: bool = True,
 ) -> Stage:
     """Tracks of one run as a stage: with rows every ``step_s`` as they are, or else with about a
-    row of each track per :data:`STEP_S` (:func:`thinned`).
+    row of each track per :data:`STEP_S` (:func:`thinned`). ``everybody`` is that of the stage.
     """
     if step_s is None:
         tracks, step_s = thinned(tracks, STEP_S)
@@ -36,6 +37,7 @@ def stage_of(
         zones=zones or {},
         lines=lines or {},
         camera=calibration.camera,
+        everybody=everybody,
     )
 
 

@@ -158,11 +158,12 @@ def _clip(path: Path, annotated: Detections, ground: Ground) -> Clip:
     assert name is not None
     begin, end = (datetime.strptime(name[key], "%H-%M-%S") for key in ("begin", "end"))
     stem = path.name.removesuffix(_GEOM)
+    followed = _followed(annotated, ground)
     return Clip(
         name=stem,
         camera=ground.camera,
         minutes=(end - begin) % timedelta(days=1) / timedelta(minutes=1),
-        stage=unite_tracks(stage_of(_followed(annotated, ground), ground.calibration)),
+        stage=unite_tracks(stage_of(followed, ground.calibration, everybody=False)),
         ground=ground,
         labelled=read_activities(path.with_name(stem + _ACTIVITIES)),
     )

@@ -60,6 +60,11 @@ def check_durations(phase: Phase) -> None:
         raise InputError(f"phase {phase.name!r}: impossible duration, it lasts 0 s at most")
     if not phase.gap_s >= 0:
         raise InputError(f"phase {phase.name!r}: gap must not be negative, found {phase.gap_s:g}")
+    if not all(0 <= unseen_s < math.inf for unseen_s in phase.unseen_s):
+        found = ", ".join(f"{unseen_s:g}" for unseen_s in phase.unseen_s)
+        raise InputError(
+            f"phase {phase.name!r}: unseen must be finite and not negative, found {found}"
+        )
 
 
 def check_relation(relation: Relation, phases: Collection[str]) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from scene4d.searching.activities._compose import Aligned
 from scene4d.searching.activities._evidence import Evidence, phase_value
@@ -64,18 +64,33 @@ def found_event(
     who = casts.tracks[cast]
     numbers = stage.tracks.track[stage.first_row]
     base = next(rows for view, rows in casts.rows.items() if view[1] == 0)
-    begin, end = base[aligned.begin], base[aligned.end]
+    begin_s, end_s = _span_s(activity, aligned, stage.tracks.time_s, base)
     event = Event(
         activity.name,
         score,
         score ** (1 / len(activity.terms)),
-        float(stage.tracks.time_s[begin]),
-        float(stage.tracks.time_s[end]),
+        begin_s,
+        end_s,
         {role.name: int(numbers[at]) for role, at in zip(activity.roles, who, strict=True)},
         why,
     )
     place = stage.tracks.xy_m[base[aligned.core[-1][1]]]
     return Found(event, int(who[0]), tuple(int(at) for at in who[1:]), place)
+
+
+def _span_s(
+    activity: Activity,
+    aligned: Aligned,
+    time_s: Float[np.ndarray, "n"],
+    base: Int[np.ndarray, "m"],
+) -> tuple[float, float]:
+    """Begin and end of an event, with what is not seen of its first and its last phase."""
+    before, after = 0.0, 0.0
+    for phase, (first, last) in zip(activity.phases, aligned.whole, strict=True):
+        before = max(before, phase.unseen_s[0] if first == aligned.begin else 0.0)
+        after = max(after, phase.unseen_s[1] if last == aligned.end else 0.0)
+    begin_s, end_s = time_s[base[aligned.begin]] - before, time_s[base[aligned.end]] + after
+    return float(max(begin_s, time_s.min())), float(min(end_s, time_s.max()))
 
 
 def one_per_occurrence(

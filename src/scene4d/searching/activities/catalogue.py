@@ -22,7 +22,7 @@ from scene4d.searching.activities.definition import Activity, Phase, Relation, R
 from scene4d.searching.predicates._registry import PREDICATES, Predicate
 
 _ACTIVITY = ("description", "phrases", "labels", "roles", "phases", "relations")
-_PHASE = ("name", "lasts", "gap", "holds")
+_PHASE = ("name", "lasts", "gap", "unseen", "holds")
 _BUILT_IN = "catalogue.yaml"
 
 
@@ -121,19 +121,29 @@ class _Reader:
 
     def _phase(self, node: yaml.Node, roles: Sequence[str]) -> Phase:
         given = self._mapping(node, _PHASE, needed=("name", "holds"))
-        shortest, longest = 0.0, float("inf")
-        if "lasts" in given:
-            lasts = [self._number(value) for value in self._items(given["lasts"])]
-            if len(lasts) != 2:
-                with self._at(given["lasts"]):
-                    raise InputError(f"lasts: {len(lasts)} numbers, expected [shortest, longest]")
-            shortest, longest = lasts
+        shortest, longest = self._two("lasts", "[shortest, longest]", given, (0.0, float("inf")))
+        unseen_s = self._two("unseen", "[before, after]", given, (0.0, 0.0))
         gap = self._number(given["gap"]) if "gap" in given else 0.0
         terms = tuple(self._term(value, roles) for value in self._items(given["holds"]))
-        phase = Phase(self._text(given["name"]), terms, shortest, longest, gap)
+        phase = Phase(self._text(given["name"]), terms, shortest, longest, gap, unseen_s)
         with self._at(given.get("lasts" if gap >= 0 else "gap", node)):
             check_durations(phase)
         return phase
+
+    def _two(
+        self,
+        key: str,
+        expected: str,
+        given: Mapping[str, yaml.Node],
+        default: tuple[float, float],
+    ) -> tuple[float, float]:
+        if key not in given:
+            return default
+        numbers = [self._number(value) for value in self._items(given[key])]
+        if len(numbers) != 2:
+            with self._at(given[key]):
+                raise InputError(f"{key}: {len(numbers)} numbers, expected {expected}")
+        return numbers[0], numbers[1]
 
     def _term(self, node: yaml.Node, roles: Sequence[str]) -> Term:
         with self._at(node):

@@ -32,7 +32,9 @@ class Term:
 class Phase:
     """An interval in which all terms hold, lasting from ``min_s`` to ``max_s``.
 
-    ``gap_s`` is the longest pause between the phase before it and this one.
+    ``gap_s`` is the longest pause between the phase before it and this one. ``unseen_s`` says how
+    long it goes on before its first and after its last moment while nothing of it is seen (a door
+    is opened from inside, and shut): an event that begins or ends with it is so much longer.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Phase:
     min_s: float = 0.0
     max_s: float = float("inf")
     gap_s: float = 0.0
+    unseen_s: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)

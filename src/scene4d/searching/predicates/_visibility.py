@@ -17,20 +17,29 @@ picture would have carried it half a second later (or earlier):
 - *within*, where it is asked what a went into: the share of the last box that b's box covers then,
   ``Φ((share - 0.7) / 0.15)``. What is inside a thing is seen inside its outline, from anywhere.
 
-They rest on pixels alone, and so on no calibration. Constants are rules of thumb, chosen by hand
-before any footage was searched; those of *leaving* and *within* were chosen on the tuning cameras
-(MEVA G341 and G424).
+They rest on pixels alone, and so on no calibration. What a went into is judged by what followed and
+by its posture as well:
+
+- *afterwards*: how much likelier what followed is if a is still about (:mod:`._afterwards`);
+- *posture*: who gets in bends, and the door hides the legs: of those who get in 65 % are seen less
+  tall at the end, of others 10 %. Who boards a bus need not stoop.
+
+Constants are rules of thumb, chosen by hand before any footage was searched; those of *leaving*,
+*within* and *posture* and the share of ends within an outline that are entries were chosen on the
+tuning cameras (MEVA G341 and G424).
 """
 
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, proxy
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import ndtr
 
 from scene4d.core.body import BORDER_PX
+from scene4d.searching.predicates._afterwards import Afterwards, Ends, covered
 from scene4d.searching.predicates._meeting import expand
+from scene4d.searching.predicates._posture import stooping
 from scene4d.searching.predicates.stage import Stage, StageRows
 
 # Means and softness of the factors above: times in seconds, lengths as shares of a box's size.
@@ -42,6 +51,13 @@ _COVERED_SHARE, _COVERED_SIGMA = 0.5, 0.15
 _BEFORE_SIGMA = 0.05
 _WITHIN_SHARE, _WITHIN_SIGMA = 0.7, 0.15
 _CLIP_SIGMA_S = 0.5
+_ENTRIES = 0.5
+"""Share of the ends within a vehicle's outline that are entries: 149 of 324 on the tuning cameras
+(ends of which border, clip, hidden and within leave 0.3 or more)."""
+_STOOPS_IN, _STOOPS_ELSE = 0.8, 0.05
+"""P(seen less tall at the end): of those who get in, and of others."""
+_BOARDED = ("bus",)
+"""Classes that are entered upright."""
 
 
 def disappears(a: StageRows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
@@ -65,12 +81,19 @@ def appears(a: StageRows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray,
 def disappears_into(
     a: StageRows, b: StageRows, *, sigma_s: float = _END_SIGMA_S
 ) -> Float[np.ndarray, "m"]:
-    """P(a is gone, within b's outline, and nothing but b hides it): :func:`disappears`, for which b
-    is no obstacle, with the factor *leaving* for *border*, times *within*.
+    """P(a has got into b at about this moment): its end is within b's outline, nothing but b hides
+    it, and nothing later says that it is still about.
 
-    A person who gets into a vehicle on its far side is covered by it, always, so that b's cover
-    says nothing against it. That it was near on the ground, and stooped, are predicates of their
-    own. NaN where b was never seen.
+    The bell of :func:`disappears` times the probability by Bayes' rule of three explanations of
+    the end. With e the product of *leaving*, *clip* and ``1 - max(hidden)`` (b is no obstacle: who
+    gets in on its far side is covered by it), i *within*, ½ the share of such ends that are
+    entries, S the likelihood ratio of the posture and L that of what followed:
+
+        a is inside b           ½ e i S
+        left or hid elsewhere   1 - e
+        still about, or lost    e (1 - ½ i) L
+
+    That it was near on the ground is a predicate of its own. NaN where b was never seen.
     """
     return _end(a, b, True, sigma_s)
 
@@ -78,9 +101,7 @@ def disappears_into(
 def appears_from(
     a: StageRows, b: StageRows, *, sigma_s: float = _END_SIGMA_S
 ) -> Float[np.ndarray, "m"]:
-    """P(a comes into view, within b's outline, and nothing but b hid it): :func:`disappears_into`
-    with time reversed.
-    """
+    """P(a has come out of b at about this moment): :func:`disappears_into` with time reversed."""
     return _end(a, b, False, sigma_s)
 
 
@@ -89,17 +110,20 @@ class _Ends:
     """One end of every track: its moment, the box then, what speaks for it, and the two that hide
     it most.
 
-    ``free`` is by the border and the clip, ``still`` the same of what does not leave. ``whom`` is
-    the position of the hiding track in the stage, -1 for none. ``seen`` are the rows of the stage
-    that show a box.
+    ``row`` is that of the stage, -1 where there is none. ``free`` is by the border and the clip,
+    ``still`` the same of what does not leave. ``whom`` is the position of the hiding track in the
+    stage, -1 for none; ``touched`` the largest share that any other covers, before it or behind it.
+    ``seen`` are the rows of the stage that show a box.
     """
 
+    row: Int[np.ndarray, "t"]
     time_s: Float[np.ndarray, "t"]
     box_xyxy: Float[np.ndarray, "t 4"]
     free: Float[np.ndarray, "t"]
     still: Float[np.ndarray, "t"]
     hidden: Float[np.ndarray, "t 2"]
     whom: Int[np.ndarray, "t 2"]
+    touched: Float[np.ndarray, "t"]
     seen: Int[np.ndarray, "n"]
 
 
@@ -121,9 +145,51 @@ def _end(a: StageRows, b: StageRows | None, last: bool, sigma_s: float) -> np.nd
         return np.asarray(bump * ends.free[track] * (1 - ends.hidden[track, 0]))
     other = b.stage.track_of_row[b.index]
     hidden = np.where(ends.whom[track, 0] == other, ends.hidden[track, 1], ends.hidden[track, 0])
-    share = _covered(ends.box_xyxy[track], _nearest_box(b.stage, other, ends.time_s[track]))
+    share = covered(ends.box_xyxy[track], _nearest_box(b.stage, other, ends.time_s[track]))
     within = ndtr((share - _WITHIN_SHARE) / _WITHIN_SIGMA)
-    return np.asarray(bump * ends.still[track] * (1 - hidden) * within)
+    left_to_it = ends.still[track] * (1 - hidden)
+    upright = np.isin(b.stage.tracks.class_name[b.index], _BOARDED)
+    posture = np.where(upright, 1.0, _posture_ratio(a.stage, ends)[track])
+    inside = _ENTRIES * left_to_it * within * posture
+    about = left_to_it * (1 - _ENTRIES * within) * _afterwards(a.stage, last).ratio(track)
+    return np.asarray(bump * inside / (inside + 1 - left_to_it + about))
+
+
+_FOLLOWED: "WeakKeyDictionary[Stage, dict[bool, Afterwards]]" = WeakKeyDictionary()
+
+
+def _afterwards(stage: Stage, last: bool) -> Afterwards:
+    followed = _FOLLOWED.setdefault(stage, {})
+    if last not in followed:
+        # Without keeping the stage alive.
+        ends, others = _of_people(stage, last), _of_people(stage, not last)
+        followed[last] = Afterwards(proxy(stage), ends, others, last)
+    return followed[last]
+
+
+def _of_people(stage: Stage, last: bool) -> Ends:
+    ends = _kept(stage, last)
+    people = stage.tracks.class_name[stage.first_row] == "person"
+    track = np.flatnonzero(people & (ends.row >= 0))
+    alone = 1 - ndtr((ends.touched[track] - _COVERED_SHARE) / _COVERED_SIGMA)
+    return Ends(ends.row[track], track, np.nan_to_num(ends.free[track]) * alone)
+
+
+def _posture_ratio(stage: Stage, ends: _Ends) -> Float[np.ndarray, "t"]:
+    """How much likelier the heights at the ends are of somebody who gets in; 1 if unknown."""
+    out = np.ones(len(ends.row))
+    track = np.flatnonzero(ends.row >= 0)
+    early, late = stage.window(ends.row[track], _LOOK_S)
+    owner, rows = expand(early, late - early + 1)
+    stoops = stooping(stage.rows(rows))
+    known = np.isfinite(stoops)
+    count = np.bincount(owner[known], minlength=len(track))
+    total = np.bincount(owner[known], stoops[known], len(track))
+    mean = total[count > 0] / count[count > 0]
+    out[track[count > 0]] = (_STOOPS_IN * mean + (1 - _STOOPS_IN) * (1 - mean)) / (
+        _STOOPS_ELSE * mean + (1 - _STOOPS_ELSE) * (1 - mean)
+    )
+    return out
 
 
 def _ends(stage: Stage, last: bool) -> _Ends:
@@ -131,13 +197,15 @@ def _ends(stage: Stage, last: bool) -> _Ends:
     time_s, free, still = np.full((3, count), np.nan)
     box = np.full((count, 4), np.nan)
     hidden, whom = np.zeros((count, 2)), np.full((count, 2), -1)
+    at, touched = np.full(count, -1), np.zeros(count)
     seen = np.flatnonzero(tracks.observed & np.isfinite(tracks.box_xyxy).all(axis=1))
     if not len(seen):
-        return _Ends(time_s, box, free, still, hidden, whom, seen)
+        return _Ends(at, time_s, box, free, still, hidden, whom, touched, seen)
     owner = stage.track_of_row[seen]
     changes = owner[1:] != owner[:-1]
     row = seen[np.append(changes, True) if last else np.append(True, changes)]
     track = stage.track_of_row[row]
+    at[track] = row
     time_s[track], box[track] = tracks.time_s[row], tracks.box_xyxy[row]
     now, then = box[track], _carried_on(stage, row, last)
     size = np.sqrt(np.maximum((now[:, 2] - now[:, 0]) * (now[:, 3] - now[:, 1]), 1.0))
@@ -147,8 +215,8 @@ def _ends(stage: Stage, last: bool) -> _Ends:
     everything = tracks.time_s.max() if last else tracks.time_s.min()
     clip = 1 - np.exp(-(((time_s[track] - everything) / _CLIP_SIGMA_S) ** 2) / 2)
     free[track], still[track] = border * clip, (1 - (1 - border) * outwards) * clip
-    _hide(stage, track, row, seen, (now, then), hidden, whom)
-    return _Ends(time_s, box, free, still, hidden, whom, seen)
+    _hide(stage, track, row, seen, (now, then), hidden, whom, touched)
+    return _Ends(at, time_s, box, free, still, hidden, whom, touched, seen)
 
 
 def _nearest_box(
@@ -204,8 +272,9 @@ def _hide(
     boxes: tuple[np.ndarray, np.ndarray],
     hidden: np.ndarray,
     whom: np.ndarray,
+    touched: np.ndarray,
 ) -> None:
-    """Find for every end the two objects that hide it most, and how much."""
+    """Find for every end the two objects that hide it most, and how much any other covers of it."""
     tracks = stage.tracks
     time = tracks.time_s[row]
     order = np.argsort(time, kind="stable")
@@ -220,11 +289,12 @@ def _hide(
     foreign = stage.track_of_row[other] != track[end]
     other, end = other[foreign], end[foreign]
     box = tracks.box_xyxy[other]
-    covered = np.maximum(*(_covered(part[end], box) for part in boxes))
+    share = np.maximum(*(covered(part[end], box) for part in boxes))
+    np.maximum.at(touched, track[end], share)
     now = boxes[0][end]
     depth = (box[:, 3] - now[:, 3]) / (_BEFORE_SIGMA * np.maximum(now[:, 3] - now[:, 1], 1.0))
-    value = ndtr((covered - _COVERED_SHARE) / _COVERED_SIGMA) * ndtr(depth)
-    value[covered == 0] = 0.0
+    value = ndtr((share - _COVERED_SHARE) / _COVERED_SIGMA) * ndtr(depth)
+    value[share == 0] = 0.0
     by = stage.track_of_row[other]
     # Largest first within every end; an object counts once.
     for rank in range(2):
@@ -234,10 +304,3 @@ def _hide(
         hidden[track, rank] = best
         whom[track[end[top]], rank] = by[top]
         value = np.where(by == whom[track[end], rank], 0.0, value)
-
-
-def _covered(box: np.ndarray, by: np.ndarray) -> np.ndarray:
-    """Share of the boxes that others cover."""
-    low, high = np.maximum(box[:, :2], by[:, :2]), np.minimum(box[:, 2:], by[:, 2:])
-    both = np.clip(high - low, 0.0, None).prod(axis=1)
-    return np.asarray(both / np.maximum((box[:, 2:] - box[:, :2]).prod(axis=1), 1e-9))

@@ -28,7 +28,9 @@ class Stage:
     ``tracks`` are ordered by (track, time). ``image_size`` is (width, height) in pixels, ``step_s``
     the time between two rows of a track. ``camera_factor`` is None where the camera's error is not
     known. ``zones`` are polygons and ``lines`` polylines on the ground, (m, 2) metres. ``camera``
-    tells how large things are seen; None where the picture is all there is.
+    tells how large things are seen; None where the picture is all there is. ``everybody`` says
+    whether whoever is in view is tracked as well as can be: annotators follow those of an activity,
+    while it lasts, so that nobody is missed of whom there are no rows.
 
     Times are counted in ticks of ``step_s`` from the first of them, so that rows of different
     tracks can be of the same moment.
@@ -41,6 +43,7 @@ class Stage:
     zones: Mapping[str, Float[np.ndarray, "_ 2"]] = field(default_factory=dict)
     lines: Mapping[str, Float[np.ndarray, "_ 2"]] = field(default_factory=dict)
     camera: Camera | None = None
+    everybody: bool = True
 
     def __post_init__(self) -> None:
         if not self.step_s > 0:
