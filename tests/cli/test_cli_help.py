@@ -27,7 +27,10 @@ PROMISED = {
         "--camera --out --annotations --format --detector --rate --fps --drop-invalid --name "
         "--start --person-height --json"
     ),
-    "watch": "--camera --out --rate --give-up --detector --name --person-height --json",
+    "watch": (
+        "--camera --out --rate --give-up --search --alert --min-score --catalogue --zones "
+        "--detector --name --person-height --json"
+    ),
     "search": ("--top --min-score --catalogue --zones --footage --out --actev --json"),
     "evaluate pets": "--data --out --json",
     "evaluate towncentre": "--data --out --json",

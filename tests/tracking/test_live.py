@@ -1,5 +1,7 @@
 """``watch``: cameras that run, are slow, are lost, move, and processes that are killed."""
 
+import base64
+import json
 import os
 import signal
 import subprocess
@@ -9,15 +11,18 @@ import time
 from contextlib import suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import ClassVar
 
 import av
 import cv2
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from scene4d.cli.app import app
 from scene4d.core.errors import InputError, OutputError
 from scene4d.core.files import write_bytes
+from scene4d.perception.objects import ObjectDetector
 from scene4d.store.query import Scene
 from scene4d.tracking import TrackOptions
 from scene4d.tracking.live import watch
@@ -216,3 +221,91 @@ def test_what_was_published_outlives_kill_9(tmp_path):
     (run,) = found.runs
     assert len(found.tracks()) == run.rows > 30
     assert killed_s - (run.start_ns / 1e9 + run.span_s[1]) < 2.5
+
+
+class Walkers:
+    """Two people and a parked car; the first person is gone after three seconds."""
+
+    def __init__(self, perfect):
+        self._perfect, self.timings = perfect, perfect.timings
+
+    def expecting(self, _):
+        return self
+
+    def look(self, frame):
+        found, colours = self._perfect.look(frame)
+        rows = np.arange(len(found)) if frame.time_s < 3 else np.arange(1, len(found))
+        return found.select(rows), colours[rows]
+
+
+class Hook(BaseHTTPRequestHandler):
+    """Takes alerts, but not the first time."""
+
+    taken: ClassVar[list[dict]] = []
+    refused = 0
+
+    def do_POST(self):
+        content = self.rfile.read(int(self.headers["Content-Length"]))
+        if Hook.refused == 0:
+            Hook.refused = 1
+            self.send_error(503)
+            return
+        Hook.taken.append(json.loads(content))
+        self.send_response(204)
+        self.end_headers()
+
+    def log_message(self, *_):
+        """Nothing."""
+
+
+@pytest.fixture
+def hook():
+    Hook.taken, Hook.refused = [], 0
+    with ThreadingHTTPServer(("127.0.0.1", 0), Hook) as served:
+        threading.Thread(target=served.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{served.server_address[1]}/alerts"
+        served.shutdown()
+
+
+@pytest.fixture
+def walkers(detector, monkeypatch):
+    made = Walkers(detector())
+    monkeypatch.setattr(ObjectDetector, "default", lambda **_: made)
+
+
+@pytest.mark.usefixtures("walkers")
+def test_an_event_is_told_soon_once_and_sent_with_a_picture(tmp_path, camera, hook):
+    """The webhook refuses at first, and one more alert goes to a command."""
+    told: list[dict] = []
+    script = tmp_path / "took.py"
+    script.write_text(
+        f"import sys; open({str(tmp_path / 'took.json')!r}, 'a').write(sys.stdin.read())"
+    )
+    run = watch(
+        write_video(tmp_path / "yard.avi", seconds=8),
+        camera,
+        tmp_path / "scene",
+        searches=["person disappears"],
+        min_score=0.2,
+        alerts=[hook, f"exec:{sys.executable} {script}"],
+        tell=told.append,
+    )
+    first = [event for event in told if event["state"] == "provisional"]
+    assert len(first) == run.events == 1
+    assert first[0]["end_s"] == pytest.approx(3, abs=1)
+    assert first[0]["latency_s"] < 4
+    assert [event["state"] for event in told] == ["provisional", "final"]
+    assert len({event["id"] for event in told}) == 1
+    (alert,) = Hook.taken
+    assert run.alerts_sent == 2
+    assert alert["id"] == first[0]["id"]
+    picture = cv2.imdecode(
+        np.frombuffer(base64.b64decode(alert["thumbnail_jpeg"]), np.uint8), cv2.IMREAD_COLOR
+    )
+    assert picture.shape == (480, 640, 3)
+    assert json.loads((tmp_path / "took.json").read_text())["id"] == alert["id"]
+    (kept,) = (tmp_path / "scene" / "events").glob("*.jsonl")
+    assert [json.loads(line) for line in kept.read_text().splitlines()] == told
+    assert not list((tmp_path / "scene" / "alerts").rglob("*.json"))
+    scene = Scene.open(tmp_path / "scene")
+    assert alert["roles"]["person"] in scene.tracks().track

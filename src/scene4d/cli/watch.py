@@ -1,22 +1,25 @@
 """``scene4d watch``: a camera tracked while it runs."""
 
+import json
 import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from scene4d.cli.arguments import parse_person_height
 from scene4d.cli.command import Answer, Job, command, output_folder
+from scene4d.cli.output import emit, visible
 
 if TYPE_CHECKING:
     from scene4d.tracking import WatchRun
 
 _WATCHING = "Input"
 _MEANING = "Scene"
+_ASKED = "Events"
 
 
 @command("watch")
@@ -68,6 +71,53 @@ def watch(
             show_default=False,
         ),
     ] = None,
+    search: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="WORDS",
+            help='What to search for meanwhile, as "person enters vehicle". Repeatable.',
+            rich_help_panel=_ASKED,
+            show_default=False,
+        ),
+    ] = None,
+    alert: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="URL|COMMAND",
+            help="Where to send each event: https://... (a webhook), mqtt://host/topic, or "
+            "exec:COMMAND, which reads it. Repeatable.",
+            rich_help_panel=_ASKED,
+            show_default=False,
+        ),
+    ] = None,
+    min_score: Annotated[
+        float,
+        typer.Option(
+            metavar="P",
+            min=0.0,
+            max=1.0,
+            help="Lowest score of an event.",
+            rich_help_panel=_ASKED,
+        ),
+    ] = 0.3,
+    catalogue: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="FILE",
+            help="YAML file with your own activities, added to the built-in ones. Repeatable.",
+            rich_help_panel=_ASKED,
+            show_default=False,
+        ),
+    ] = None,
+    zones: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Named zones and lines on the ground, in metres: GeoJSON, or names with points.",
+            rich_help_panel=_ASKED,
+            show_default=False,
+        ),
+    ] = None,
     detector: Annotated[
         str | None,
         typer.Option(
@@ -104,19 +154,36 @@ def watch(
     counted. A lost stream is opened again. While the view has moved nobody is tracked. Ctrl-C
     ends it.
 
+    Each event of --search is one line, soon after its end, and another when it is final. With
+    --json each is a line of JSON, and the summary follows.
+
     [bold]Examples[/bold]
 
       scene4d watch rtsp://gate/live --camera gate/camera.json --out scene
       scene4d watch gate.mp4 --camera gate/camera.json --out scene --rate 5
+      scene4d watch /dev/video0 --camera gate/camera.json --out scene \\
+          --search "person enters vehicle" --alert mqtt://broker/gate
     """
     height_m = None if person_height is None else parse_person_height(person_height)
     from scene4d.tracking import TrackOptions, WatchOptions
     from scene4d.tracking import watch as watch_camera
 
     tracking = TrackOptions(name=name, rate_hz=rate, person_height_m=height_m, detector=detector)
-    options = WatchOptions(give_up_s=give_up)
+    if alert and not search:
+        raise typer.BadParameter("is for the events of --search", param_hint="--alert")
+    options = WatchOptions(
+        give_up_s=give_up,
+        searches=search or (),
+        min_score=min_score,
+        catalogues=catalogue or (),
+        zones=zones,
+        alerts=alert or (),
+    )
+    tell = _tell_json if job.as_json else _tell
     with output_folder(out), job.progress() as progress, _stopping() as stop:
-        run = watch_camera(source, camera, out, options, tracking, stop=stop, progress=progress)
+        run = watch_camera(
+            source, camera, out, options, tracking, stop=stop, tell=tell, progress=progress
+        )
     return Answer(run.to_dict(), lambda: _show(run), run.warnings)
 
 
@@ -142,6 +209,21 @@ def _stopping() -> Iterator[threading.Event]:
             signal.signal(kind, handler)
 
 
+def _tell_json(event: dict[str, Any]) -> None:
+    emit(json.dumps(event, allow_nan=False) + "\n")
+
+
+def _tell(event: dict[str, Any]) -> None:
+    """When it ended, its score, what it is, who took part."""
+    who = ", ".join(f"{role} {track}" for role, track in event["roles"].items())
+    state = event["state"]
+    late = f"{event['latency_s']:.1f} s ago" if state == "provisional" else state
+    emit(
+        visible(f"{event['end_time']}  {event['score']:.2f}  {event['search']}  {who}  ({late})")
+        + "\n"
+    )
+
+
 def _show(run: "WatchRun") -> None:
     from rich.table import Table
 
@@ -154,6 +236,8 @@ def _show(run: "WatchRun") -> None:
     table.add_row("Tracks", found)
     table.add_row("Rows", f"{run.rows:,}")
     table.add_row("Frames", f"{run.offered:,}, of which {run.dropped:,} dropped")
+    if run.events:
+        table.add_row("Events", f"{run.events}, {run.alerts_sent} alerts delivered")
     if run.reconnected:
         table.add_row("Reconnected", f"{run.reconnected} x")
     if run.not_in_view_s:

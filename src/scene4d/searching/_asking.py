@@ -63,12 +63,8 @@ def understand(scene: Scene, words: str, options: SearchOptions) -> Asked:
     Raises :class:`InputError` for words, files and places that are not understood, for a role that
     no class in the scene can play, and for a time of day if the footage's start is unknown.
     """
-    places = Places() if options.zones is None else read_places(Path(options.zones), scene.cameras)
-    catalogue = load_catalogue(*map(Path, options.catalogues))
-    query = parse_query(words, catalogue, zones=places.names("zone"), lines=places.names("line"))
+    query, named = words_of(words, options, scene.cameras)
     _check_roles(scene, query)
-    used = _used(query, places)
-    named = Places(tuple(place for place in places.all if place.name in used))
     notes = [*query.notes]
     if named.shared and len(scene.cameras) > 1:
         notes.append(
@@ -78,6 +74,18 @@ def understand(scene: Scene, words: str, options: SearchOptions) -> Asked:
     if query.window is not None:
         notes += _check_window(scene, query)
     return Asked(scene, query, options, named, tuple(notes))
+
+
+def words_of(words: str, options: SearchOptions, cameras: Sequence[str]) -> tuple[Query, Places]:
+    """The words as understood, and the places that they name, of these cameras.
+
+    Raises :class:`InputError` for words, files and places that are not understood.
+    """
+    places = Places() if options.zones is None else read_places(Path(options.zones), cameras)
+    catalogue = load_catalogue(*map(Path, options.catalogues))
+    query = parse_query(words, catalogue, zones=places.names("zone"), lines=places.names("line"))
+    used = _used(query, places)
+    return query, Places(tuple(place for place in places.all if place.name in used))
 
 
 def _check_roles(scene: Scene, query: Query) -> None:

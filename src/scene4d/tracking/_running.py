@@ -186,11 +186,15 @@ def _write(writer: "SceneWriter", looks: Iterator["Look"], job: Job) -> None:
         writer.close()
 
 
+def unheard(final: Tracks, provisional: Tracks) -> None:
+    """Nobody listens."""
+
+
 def write_live(
     writer: "SceneWriter",
     looks: Iterator["Look"],
     job: Job,
-    published: Callable[[Tracks, Tracks], None] = lambda final, provisional: None,
+    published: Callable[[Tracks, Tracks], None] = unheard,
 ) -> None:
     """Track, and publish after each look what is final and what is provisional; ``published`` is
     told both.

@@ -49,6 +49,7 @@ class LiveSource(Source):
         self._source = _opened(source)
         self.name, self.image_size = self._source.name, self._source.image_size
         self.fps, self.timeline = self._source.fps, None
+        self.taken_s = 0.0  # time of the frame that was taken last
         self.offered = self.dropped = self.reconnected = 0
         self._notes: list[str] = []
         self._news = threading.Condition()
@@ -98,6 +99,7 @@ class LiveSource(Source):
         with self._news:
             self._news.wait_for(lambda: self._newest is not None or self._done, timeout_s)
             frame, self._newest = self._newest, None
+            self.taken_s = self.taken_s if frame is None else frame.time_s
         if frame is None and self._error is not None:
             error, self._error = self._error, None
             raise error
