@@ -80,7 +80,7 @@ class _Topic:
         self.name = without_password(url)
         parts = _address(url)
         self._topic = unquote(parts.path.lstrip("/"))
-        if not self._topic or "+" in self._topic or parts.query or parts.fragment:
+        if not self._topic or set(url.partition(parts.netloc)[2]) & {"+", "#", "?"}:
             raise InputError(f"alert: {self.name}: expected mqtt://host/topic, without +, ? and #")
         secure = parts.scheme.lower() == "mqtts"
         self._host, self._port = parts.hostname or "", parts.port or (8883 if secure else 1883)
