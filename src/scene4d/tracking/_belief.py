@@ -126,7 +126,7 @@ class _Track:
         half = self.sums[10] / self.sums[0] / 2
         return np.array([middle - half, top, middle + half, bottom])
 
-    def columns(self) -> tuple[float, ...]:
+    def columns(self) -> Float[np.ndarray, "9"]:
         """What the likelihoods need of it."""
         n = self.sums[0]
         box = self.mean_box
@@ -136,7 +136,8 @@ class _Track:
         chances = max(self.seen - self.begun + 1 - self.hidden, n)
         person, score, body = self.sums[1:4] / n
         length = self.seen_s - self.begun_s
-        return n, person > 0.5, score, body, height, move, chances, length, self.seen_s
+        values = n, person > 0.5, score, body, height, move, chances, length, self.seen_s
+        return np.array(values, float)
 
 
 class Belief:
