@@ -135,7 +135,7 @@ def test_a_stream_is_watched_until_ctrl_c_and_each_time_is_a_run(tmp_path, camer
 
 @pytest.mark.usefixtures("live")
 def test_what_a_killed_stream_showed_is_in_the_scene(tmp_path, camera, detector, monkeypatch):
-    """Nothing tidies up after a kill; what is older than half a minute must be there."""
+    """Nothing tidies up after a kill; what is older than two seconds must be there."""
 
     class Killed(BaseException):
         pass
@@ -144,7 +144,7 @@ def test_what_a_killed_stream_showed_is_in_the_scene(tmp_path, camera, detector,
     look = killed.look
 
     def until(frame):
-        if frame.time_s >= 45:
+        if frame.time_s >= 12:
             raise Killed
         return look(frame)
 
@@ -153,7 +153,7 @@ def test_what_a_killed_stream_showed_is_in_the_scene(tmp_path, camera, detector,
         patch.setattr("scene4d.store.writing.SceneWriter.abandon", lambda _: None)
         track(Live.name, camera, tmp_path / "scene")
     scene = Scene.open(tmp_path / "scene")
-    assert 15 < scene.runs[0].span_s[1] < 45
+    assert 10 < scene.runs[0].span_s[1] < 12
     assert abs((datetime.now(UTC) - _start(scene)).total_seconds()) < 60
     detector(until=30)
     track(Live.name, camera, tmp_path / "scene")
