@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from scene4d.core.calibration import Calibration
 from scene4d.core.tracks import Tracks
 from scene4d.searching._asking import SearchOptions, second_of_day, words_of
@@ -21,7 +23,7 @@ from scene4d.searching.language import Query
 from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.searching.predicates.stage import Stage
 from scene4d.searching.result import FoundEvent
-from scene4d.searching.stages import stage_of
+from scene4d.searching.stages import STEP_S, stage_of, thinned
 from scene4d.store.runs import Run
 
 WINDOW_S = 120.0
@@ -81,9 +83,11 @@ class StandingSearches:
         """
         if not len(tracks):
             return []
+        rows, step_s = thinned(tracks, STEP_S)
         stage = stage_of(
-            tracks,
+            bridged(rows, step_s),
             self._calibration,
+            step_s=step_s,
             zones=self._places.of(self._camera, "zone"),
             lines=self._places.of(self._camera, "line"),
         )
@@ -105,6 +109,39 @@ class StandingSearches:
             for one in events
             if window is None or window.contains(second_of_day(run, one.begin_s))
         ]
+
+
+def bridged(tracks: Tracks, step_s: float) -> Tracks:
+    """The rows, ordered by (track, time), and straight between those of a track that are more than
+    a step but at most :data:`_WAITED_S` apart: where frames were dropped nothing ended.
+    """
+    away_s = np.diff(tracks.time_s)
+    same = np.diff(tracks.track) == 0
+    wide = same & (away_s > 1.5 * step_s) & (away_s <= _WAITED_S)
+    more = np.where(wide, np.rint(away_s / step_s).astype(int) - 1, 0)
+    if not more.any():
+        return tracks
+    before = np.repeat(np.arange(len(more)), more)
+    number = np.arange(len(before)) - np.repeat(np.cumsum(more) - more, more) + 1
+    share = number / (more[before] + 1)
+
+    def between(values: np.ndarray) -> np.ndarray:
+        way = share.reshape(-1, *[1] * (values.ndim - 1))
+        return (1 - way) * values[before] + way * values[before + 1]
+
+    new = tracks.select(before)
+    new = replace(
+        new,
+        time_s=between(tracks.time_s),
+        frame=between(tracks.frame).astype(tracks.frame.dtype),
+        xy_m=between(tracks.xy_m),
+        velocity_mps=between(tracks.velocity_mps),
+        box_xyxy=np.full_like(new.box_xyxy, np.nan),
+        keypoint_score=np.zeros_like(new.keypoint_score),
+        observed=np.zeros(len(new), bool),
+    )
+    every = Tracks.concatenate([tracks, new])
+    return every.select(np.lexsort((every.time_s, every.track)))
 
 
 def _settle(

@@ -1,0 +1,40 @@
+"""Searches that stand: what they look at where frames were dropped."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from scene4d.core.tracks import Tracks
+from scene4d.searching.standing import bridged
+
+
+def walk(times: np.ndarray, track: np.ndarray) -> Tracks:
+    n = len(times)
+    filled = {
+        "class_name": np.full(n, "person"),
+        "frame": np.rint(times * 10).astype(int),
+        "xy_m": np.column_stack([times, 2 * times]),
+        "box_xyxy": np.zeros((n, 4)),
+        "keypoint_uv": np.zeros((n, 0, 2)),
+        "keypoint_score": np.zeros((n, 0)),
+        "observed": np.ones(n, bool),
+    } | {"track": track, "time_s": times}
+    shapes = dict.fromkeys(("covariance_m2", "shared_covariance_m2"), (n, 2, 2))
+    shapes |= {"velocity_covariance": (n, 2, 2), "velocity_mps": (n, 2)}
+    values = {f.name: np.zeros(shapes.get(f.name, n)) for f in fields(Tracks)}
+    return Tracks(**values | filled)
+
+
+def test_rows_are_put_where_frames_were_dropped_and_nowhere_else():
+    times = np.array([0.0, 0.2, 1.2, 1.4, 5.0, 0.0, 0.4])
+    tracks = walk(times, np.array([1, 1, 1, 1, 1, 2, 2]))
+    every = bridged(tracks, 0.2)
+    one = every.select(every.track == 1)
+    assert one.time_s == pytest.approx([0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.4, 5.0])
+    assert one.observed.tolist() == [True, True, *[False] * 4, True, True, True]
+    np.testing.assert_allclose(one.xy_m, np.column_stack([one.time_s, 2 * one.time_s]))
+    assert np.isnan(one.box_xyxy[2:6]).all()
+    assert every.time_s[every.track == 2] == pytest.approx([0, 0.2, 0.4])
+    whole = walk(np.arange(5) * 0.2, np.ones(5, int))
+    assert bridged(whole, 0.2) is whole
