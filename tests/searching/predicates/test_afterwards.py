@@ -9,6 +9,7 @@ from predicate_stages import STEP_S, Path, stage_of
 
 from scene4d.core.camera import Camera
 from scene4d.searching.predicates._afterwards import Afterwards, Ends, covered
+from scene4d.searching.predicates._riding import drives_ratio, riding
 from scene4d.searching.predicates._visibility import _afterwards, appears_from, disappears_into
 
 CAMERA = Camera.from_pose(
@@ -122,7 +123,9 @@ def test_time_reversed_it_is_said_of_who_comes_out():
     for paths in ((PERSON, car(end_s=14.0), CLOCK), (PERSON, car(), CLOCK, along)):
         there = weighed(*paths)
         back = weighed(*map(mirrored, paths), last=False)
-        np.testing.assert_allclose(back, there, atol=1e-6)
+        assert back[0] == pytest.approx(there[0], abs=1e-6)
+        # A car that stays says less against getting in than against getting out.
+        assert there[1] - 0.05 < back[1] < there[1] + 1e-4
 
 
 def test_of_two_who_end_alike_the_one_who_bends_has_got_in():
@@ -140,11 +143,54 @@ def test_a_place_is_unknown_where_the_end_has_none():
     stage = stage_of(PERSON, car(), CLOCK, size=CAMERA.image_size, camera=CAMERA)
     tracks = replace(stage.tracks, xy_m=np.full_like(stage.tracks.xy_m, np.nan))
     blind = replace(stage, tracks=tracks)
-    none = Ends(np.array([], int), np.array([], int), np.array([]))
-    ends = Ends(stage.last_row[:1], np.array([0]), np.zeros(1))
+    none = Ends(np.array([], int), np.array([], int), np.array([]), np.array([]))
+    ends = Ends(stage.last_row[:1], np.array([0]), np.zeros(1), np.ones(1))
     assert Afterwards(blind, ends, none, True).ratio(np.array([0, 1])).tolist() == [1.0, 1.0]
 
 
 def test_the_share_that_is_covered():
     box = np.array([[0.0, 0.0, 10.0, 10.0], [5.0, 5.0, 15.0, 15.0]])
     np.testing.assert_allclose(covered(box, np.array([0.0, 0.0, 10.0, 10.0])), [1.0, 0.25])
+
+
+def test_who_is_seen_through_the_window_of_a_car_that_drives_is_inside():
+    """Somebody who begins within the car's outline when it drives off: along with it, or left."""
+    (rides, along), (stays, left) = (driven(rides) for rides in (True, False))
+    assert rides > 0.9
+    assert stays < 0.5
+    assert along < left
+
+
+def driven(rides: bool) -> tuple[float, float]:
+    time = np.arange(0.0, 20.0 + STEP_S / 2, STEP_S)
+    way = np.maximum(time - 11.0, 0.0)[:, None] * [1.5, 0.0]
+    still = car(end_s=20.0)
+    shift = np.zeros((len(time), 4))
+    shift[:, [0, 2]] = way[:, :1] * 60.0
+    drives = replace(still, xy_m=still.xy_m + way, box_xyxy=still.box_xyxy + shift)
+    late = time >= 10.6
+    x1, y1, _, _ = still.box_xyxy[0]
+    head = np.array([x1 + 80.0, y1 + 10.0, x1 + 120.0, y1 + 50.0]) + shift[late] * rides
+    xy = np.array([0.0, 16.0]) + way[late] * rides
+    seen = Path(time[late], xy, np.zeros_like(xy), box_xyxy=head)
+    stage = stage_of(PERSON, drives, seen, size=CAMERA.image_size, camera=CAMERA)
+    found = riding(stage, np.array([2, 2, 2]), np.array([1, -1, 0]))
+    assert found[1:].tolist() == [0.0, 0.0]
+    return float(found[0]), float(_afterwards(stage, True).ratio(np.array([0]))[0])
+
+
+@pytest.mark.parametrize(("last", "shares"), [(True, (0.17, 0.10)), (False, (0.33, 0.12))])
+def test_a_car_that_drives_off_soon_after_or_came_just_before_speaks_for_it(last, shares):
+    """Within 20 s, watched to the end of them; later it is none, and unwatched nothing is known."""
+    sign = 1.0 if last else -1.0
+    time = np.arange(0.0, 60.0 + STEP_S / 2, STEP_S)
+    inside, outside = shares
+
+    def ratio(from_s: float, at_s: float) -> float:
+        way = np.maximum(sign * (time - (30.0 + sign * from_s)), 0.0)[:, None] * [3.0, 0.0]
+        stage = stage_of(Path(time, way, np.zeros_like(way), name="car"))
+        return float(drives_ratio(stage, np.array([0]), np.array([at_s]), last)[0])
+
+    assert ratio(10.0, 30.0) == pytest.approx(inside / outside, rel=1e-3)
+    assert ratio(40.0, 30.0) == pytest.approx((1 - inside) / (1 - outside), rel=1e-3)
+    assert ratio(40.0, 30.0 + sign * 20.0) == pytest.approx(1.0, abs=1e-3)

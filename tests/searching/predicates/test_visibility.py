@@ -308,7 +308,8 @@ def test_the_faster_outwards_the_less_it_got_in(speed, more, left):
     slow, fast = (into(box, CAR_AT_BORDER, velocity_px=(-v, 0.0)) for v in (speed, speed + more))
     assert fast <= slow + 1e-9
     gone, wholly_within = at_end(disappears, boxed(box, velocity_px=(-speed, 0.0))), norm.cdf(2)
-    assert gone * wholly_within - 1e-6 <= slow <= wholly_within + 1e-6
+    # A vehicle that stands may have moved by 2 ± 0.5 m with a probability of 3e-5.
+    assert gone * wholly_within - 1e-4 <= slow <= wholly_within + 1e-4
 
 
 def test_the_border_is_no_matter_in_the_middle_whatever_the_motion():

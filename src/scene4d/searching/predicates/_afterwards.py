@@ -12,7 +12,8 @@ until it drives off, and after the end of the footage nothing is missed.
 
 - *Never seen*: the product of ``1 - p`` over the seconds that follow, the mean over the ways. It is
   1 where only some people are tracked (:attr:`Stage.everybody`).
-- *Seen again*: any person's track that begins afterwards may be his. With F the density of the ways
+- *Seen again*: any person's track that begins afterwards may be his, if it is not seen within a
+  vehicle and moves along with it (:mod:`._riding`). With F the density of the ways
   at its place and time over the density of all such begins, ``F / (1 + κ F)``: of a share κ of
   those who get in, somebody else begins nearby just then (a driver gets out, a friend comes along).
 - *Lost for good*: trackers lose people in plain view too, and annotators stop. The share q is
@@ -71,12 +72,14 @@ _OPEN_LEAST = 0.05
 @dataclass(frozen=True, eq=False)
 class Ends:
     """Where people's tracks end, or begin: the row in the stage, the track's position in it, and
-    ``open``: P(no border and no other object explains it).
+    ``open``: P(no border and no other object explains it). ``about``: P(the track is of somebody
+    who is not seen inside a vehicle that he rides along in).
     """
 
     row: Int[np.ndarray, " e"]
     track: Int[np.ndarray, " e"]
     open: Float[np.ndarray, " e"]
+    about: Float[np.ndarray, " e"]
 
 
 @dataclass(eq=False)
@@ -109,7 +112,7 @@ class Afterwards:
         usual = _LOST / (_LOST + _KEPT)
         for row in np.flatnonzero(self.ends.open >= _OPEN_LEAST):
             never, again = self._weigh(int(self.ends.track[row]))
-            missed = self.ends.open[row] * (1 - never)
+            missed = self.ends.open[row] * self.ends.about[row] * (1 - never)
             back = again / (again + usual)
             lost, kept = lost + missed * (1 - back), kept + missed * back
         return lost / (lost + kept)
@@ -142,7 +145,7 @@ class Afterwards:
         variance = _SPREAD_M**2 + (_FAN_SPREAD * way) ** 2 + errors[:, None]
         bell = np.exp(-(away**2).sum(axis=-1) / (2 * variance)) / (2 * np.pi * variance)
         likelier = np.nan_to_num((first_seen * bell).sum(axis=1) / self._chance(other))
-        again = likelier / (1 + _COMPANY * likelier)
+        again = self.others.about[later] * likelier / (1 + _COMPANY * likelier)
         never = float(share @ unseen[-1]) if self.stage.everybody else 1.0
         return never, float(again.sum())
 

@@ -21,6 +21,7 @@ They rest on pixels alone, and so on no calibration. What a went into is judged 
 by its posture as well:
 
 - *afterwards*: how much likelier what followed is if a is still about (:mod:`._afterwards`);
+- *driving off*: b does so soon (:func:`drives_ratio`);
 - *posture*: who gets in bends, and the door hides the legs: of those who get in 65 % are seen less
   tall at the end, of others 10 %. Who boards a bus need not stoop.
 
@@ -40,6 +41,7 @@ from scene4d.core.body import BORDER_PX
 from scene4d.searching.predicates._afterwards import Afterwards, Ends, covered
 from scene4d.searching.predicates._meeting import expand
 from scene4d.searching.predicates._posture import stooping
+from scene4d.searching.predicates._riding import drives_ratio, riding
 from scene4d.searching.predicates.stage import Stage, StageRows
 
 # Means and softness of the factors above: times in seconds, lengths as shares of a box's size.
@@ -87,9 +89,10 @@ def disappears_into(
     The bell of :func:`disappears` times the probability by Bayes' rule of three explanations of
     the end. With e the product of *leaving*, *clip* and ``1 - max(hidden)`` (b is no obstacle: who
     gets in on its far side is covered by it), i *within*, ½ the share of such ends that are
-    entries, S the likelihood ratio of the posture and L that of what followed:
+    entries, S the likelihood ratio of the posture, D that of b's driving off soon and L that of
+    what followed:
 
-        a is inside b           ½ e i S
+        a is inside b           ½ e i S D
         left or hid elsewhere   1 - e
         still about, or lost    e (1 - ½ i) L
 
@@ -150,7 +153,10 @@ def _end(a: StageRows, b: StageRows | None, last: bool, sigma_s: float) -> np.nd
     left_to_it = ends.still[track] * (1 - hidden)
     upright = np.isin(b.stage.tracks.class_name[b.index], _BOARDED)
     posture = np.where(upright, 1.0, _posture_ratio(a.stage, ends)[track])
-    inside = _ENTRIES * left_to_it * within * posture
+    pair, number = np.unique(track * len(ends.row) + other, return_inverse=True)
+    moment = ends.time_s[pair // len(ends.row)]
+    drives = drives_ratio(b.stage, pair % len(ends.row), np.nan_to_num(moment), last)[number]
+    inside = _ENTRIES * left_to_it * within * posture * drives
     about = left_to_it * (1 - _ENTRIES * within) * _afterwards(a.stage, last).ratio(track)
     return np.asarray(bump * inside / (inside + 1 - left_to_it + about))
 
@@ -172,7 +178,10 @@ def _of_people(stage: Stage, last: bool) -> Ends:
     people = stage.tracks.class_name[stage.first_row] == "person"
     track = np.flatnonzero(people & (ends.row >= 0))
     alone = 1 - ndtr((ends.touched[track] - _COVERED_SHARE) / _COVERED_SIGMA)
-    return Ends(ends.row[track], track, np.nan_to_num(ends.free[track]) * alone)
+    # Those who are seen through a window of the vehicle that covers them are inside, not about.
+    covers = np.hstack([_kept(stage, end).whom[track] for end in (True, False)])
+    rides = np.max([riding(stage, track, vehicle) for vehicle in covers.T], axis=0)
+    return Ends(ends.row[track], track, np.nan_to_num(ends.free[track]) * alone, 1 - rides)
 
 
 def _posture_ratio(stage: Stage, ends: _Ends) -> Float[np.ndarray, "t"]:
