@@ -375,4 +375,5 @@ def test_time_reversed_the_one_is_the_other():
                 (appears_from, back, rows_of(back, 1)),
             )
         )
-        np.testing.assert_allclose(into_cover, from_cover[::-1], atol=1e-6)
+        # But for the tail of "moved by 2 ± 0.5 m": cars drive off and arrive unequally often.
+        np.testing.assert_allclose(into_cover, from_cover[::-1], atol=5e-5)
