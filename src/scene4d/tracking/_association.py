@@ -30,6 +30,10 @@ from scene4d.tracking._motion_model import (
 # Chosen by hand with the settings below.
 _STAYS_S = 1.0
 """A slow object is assumed to keep moving for this long after it goes out of sight."""
+_MEAN_S = 2.0
+"""Averaging time of a track's mean place, by which a moving object's mean lags."""
+_STILL_DRIFT = 0.2
+"""Box heights per second up to which a standing object's drift in the image is jitter."""
 _DRIFT_S = 0.5
 """Averaging time of the speed in the image: about one walking step."""
 _MEAN_HIDDEN = 3.0
@@ -98,6 +102,7 @@ class _Tracks:
     located_s: np.ndarray  # (t,) time of the state
     state: np.ndarray  # (t, 4) position, velocity
     covariance: np.ndarray  # (t, 4, 4)
+    mean_xy: np.ndarray  # (t, 2) averaged over the last seconds
     foot: np.ndarray
     drift: np.ndarray  # (t, 2) px per second
     height: np.ndarray
@@ -157,7 +162,7 @@ class GroundTracker:
         tracks = self._tracks
         tracks = tracks.select(
             (time_s - tracks.seen_s <= _patience(tracks, s))
-            & _in_picture(tracks, detections.image_size, time_s)
+            & _in_picture(tracks, detections.image_size, time_s, s)
         )
         if not len(tracks.label):
             tracks = _start(seen, np.empty(0, np.int64), time_s)
@@ -230,6 +235,7 @@ def _start(seen: _Sightings, rows: np.ndarray, time_s: float) -> _Tracks:
         located_s=now.copy(),
         state=np.concatenate([seen.xy[rows], np.zeros((n, 2))], axis=1),
         covariance=covariance,
+        mean_xy=seen.xy[rows].copy(),
         foot=seen.foot[rows],
         drift=np.zeros((n, 2)),
         height=seen.height[rows],
@@ -238,7 +244,12 @@ def _start(seen: _Sightings, rows: np.ndarray, time_s: float) -> _Tracks:
 
 
 def _standing(t: _Tracks, s: AssociationSettings) -> np.ndarray:
+    """Which tracks were slow when last seen; a vehicle also by its mean place, because the speed of
+    a distant one is uncertain.
+    """
     slow = np.hypot(t.state[:, 2], t.state[:, 3]) < s.standing_mps
+    moved = np.hypot(*(t.state[:, :2] - t.mean_xy).T)
+    slow |= (GROUP[t.kind] != PERSON_GROUP) & (moved < s.standing_mps * _MEAN_S)
     standing: np.ndarray = t.known & slow & (t.seen_s - t.born_s >= s.settled_s)
     return standing
 
@@ -248,9 +259,13 @@ def _patience(t: _Tracks, s: AssociationSettings) -> np.ndarray:
     return np.where(parked, s.standing_memory_s, s.memory_s)
 
 
-def _in_picture(t: _Tracks, image_size: tuple[int, int], time_s: float) -> np.ndarray:
+def _in_picture(
+    t: _Tracks, image_size: tuple[int, int], time_s: float, s: AssociationSettings
+) -> np.ndarray:
     """Whether the predicted middle of the box is still inside the image."""
-    dt = (time_s - t.seen_s)[:, None]
+    dt = time_s - t.seen_s
+    still = _standing(t, s) & (np.hypot(t.drift[:, 0], t.drift[:, 1]) < _STILL_DRIFT * t.height)
+    dt = np.where(still, np.minimum(dt, _STAYS_S), dt)[:, None]
     middle = t.foot - np.column_stack([np.zeros(len(t.height)), t.height / 2])
     middle = middle + t.drift * dt
     size = np.array(image_size)
@@ -364,6 +379,8 @@ def _correct(
     fresh = ~t.known[rows]
     born = _start(seen, columns[fresh], time_s)
     t.state[rows[fresh]], t.covariance[rows[fresh]] = born.state, born.covariance
+    t.mean_xy[rows[fresh]] = born.mean_xy
+    late_s = (time_s - t.located_s[rows])[~fresh]
     t.known[rows], t.located_s[rows] = True, time_s
     rows, columns = rows[~fresh], columns[~fresh]
     alike = repeated(dt[known][~fresh][:, 0])[:, None, None]
@@ -372,3 +389,4 @@ def _correct(
     away = seen.xy[columns] - state[rows][:, :2]
     t.state[rows] = state[rows] + (gain @ away[:, :, None])[:, :, 0]
     t.covariance[rows] = covariance[rows] - gain @ covariance[rows][:, :2, :]
+    t.mean_xy[rows] += -np.expm1(-late_s / _MEAN_S)[:, None] * (t.state[rows, :2] - t.mean_xy[rows])

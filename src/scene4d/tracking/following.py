@@ -16,6 +16,7 @@ from scene4d.core.tracks import VEHICLES, Located, Tracks
 from scene4d.store.log import Look
 from scene4d.tracking._association import GroundTracker
 from scene4d.tracking._belief import FEWEST_SIGHTINGS, LEAST_REAL, Belief
+from scene4d.tracking._doubles import Doubles
 from scene4d.tracking._fixed_lag import FixedLagSmoother
 from scene4d.tracking._levels import located_on_levels
 from scene4d.tracking._sightings import Sightings
@@ -89,6 +90,7 @@ class _Follower:
         self._belief = belief
         self._timings = timings
         self._tracker = GroundTracker()
+        self._doubles = Doubles()
         self._smoother = FixedLagSmoother()
         self._held: list[tuple[int, Detections, Located]] = []  # with the number of the first row
         self._rows = 0
@@ -145,12 +147,14 @@ class _Follower:
             return detections.track
         track = np.empty(len(detections), np.int64)
         for _, time_s, rows in look.frames():
-            track[rows] = self._tracker.update(
+            some, places = detections.select(rows), located.select(rows)
+            numbers = self._tracker.update(
                 time_s,
-                detections.select(rows),
-                located.select(rows),
+                some,
+                places,
                 None if look.appearance is None else look.appearance[rows].astype(float),
             )
+            track[rows] = self._doubles.update(time_s, numbers, some.class_name, places)
         return track
 
     def _with_headings(
@@ -207,7 +211,8 @@ class _Follower:
         real = np.ones(len(final))
         if self._belief is not None:
             real = self._belief.probability(final.track)
-            held = (real >= LEAST_REAL) & (self._belief.sightings(final.track) >= FEWEST_SIGHTINGS)
+            held = (real >= LEAST_REAL) & ~self._doubles.among(final.track)
+            held &= self._belief.sightings(final.track) >= FEWEST_SIGHTINGS
             final, real = final.select(held), real[held]
         with timed(self._timings, "smooth"):
             found = _seen_at(final.source, self._held)
