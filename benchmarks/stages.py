@@ -22,9 +22,8 @@ from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.writing import write
 from scene4d.core.progress import Silent
 from scene4d.perception import objects as objects_module
-from scene4d.perception._session import open_session
+from scene4d.perception._session import open_coarse
 from scene4d.perception._tracking import Tracker
-from scene4d.perception.detectors.tiles import INPUT_PX
 from scene4d.perception.detectors.yolox import YoloxDetector
 from scene4d.perception.keypoints import BATCH, INPUT_SIZE, KeypointEstimator
 from scene4d.perception.people import PeopleDetector
@@ -137,16 +136,19 @@ def decode_all(video: Path) -> float:
     return time.perf_counter() - begun
 
 
-def bare_detector(passes: int) -> float:
-    """The detector's network alone, on a prepared input."""
-    session = open_session(weight_path("yolox-tiny"))
-    blob = np.full((1, 3, INPUT_PX, INPUT_PX), 114.0, np.float32)
+def bare_detector(video: Path, passes: int) -> float:
+    """The detector's network alone, on a prepared input of the size that the video needs."""
+    detector = YoloxDetector()
+    with open_source(video) as source:
+        detector.detect(next(iter(source.frames())).image_bgr)
+    ((columns, rows), session), *_ = detector._sessions.items()
+    blob = np.full((1, 3, rows, columns), 114.0, np.float32)
     return _passes(session, [blob] * passes)
 
 
 def bare_keypoints(people: list[int]) -> float:
     """The keypoint network alone, in the same batches."""
-    session = open_session(weight_path("rtmpose-s"))
+    session = open_coarse(weight_path("rtmpose-s"))
     width, height = INPUT_SIZE
     crops = np.zeros((BATCH, 3, height, width), np.float32)
     sizes = [min(BATCH, n - start) for n in people for start in range(0, n, BATCH)]
@@ -154,11 +156,10 @@ def bare_keypoints(people: list[int]) -> float:
 
 
 def _passes(session: Any, blobs: list[np.ndarray]) -> float:
-    name = session.get_inputs()[0].name
-    session.run(None, {name: blobs[0]})
+    session.run(None, {"input": blobs[0]})
     begun = time.perf_counter()
     for blob in blobs:
-        session.run(None, {name: blob})
+        session.run(None, {"input": blob})
     return time.perf_counter() - begun
 
 
@@ -167,7 +168,7 @@ def table(timed: Timed, video: Path, frames: int | None) -> Rows:
     n, people = len(timed.people), sum(timed.people)
     limits = {
         "decode": (f"the same {n} frames, decoded and dropped", decode_sampled(video, frames)),
-        "detect": (f"{n} bare passes of its network", bare_detector(n)),
+        "detect": (f"{n} bare passes of its network", bare_detector(video, n)),
         "keypoints": (
             f"bare passes of its network, {people:,} people in the same batches",
             bare_keypoints(timed.people),

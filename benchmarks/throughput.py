@@ -25,18 +25,24 @@ ROOT = Path(__file__).parents[1]
 STAGES = ("detect people", "detect vehicles", "keypoints", "appearance")
 CHILD = """
 import json, sys, time
-import onnxruntime as ort
 begun = time.perf_counter()
 inside = 0.0
-plain = ort.InferenceSession.run
-def run(self, *given, **more):
-    global inside
-    begun = time.perf_counter()
-    found = plain(self, *given, **more)
-    inside += time.perf_counter() - begun
-    return found
-ort.InferenceSession.run = run
+def watched(kind):
+    plain = kind.run
+    def run(self, *given, **more):
+        global inside
+        begun = time.perf_counter()
+        found = plain(self, *given, **more)
+        inside += time.perf_counter() - begun
+        return found
+    kind.run = run
 from scene4d.cli import main
+try:
+    from scene4d.perception import _session
+    watched(_session._HalfSession)
+    watched(_session.ort.InferenceSession)
+except (ImportError, AttributeError):
+    pass  # an earlier commit
 video, camera, out, rate = sys.argv[1:]
 sys.argv = ["scene4d", "track", video, "--camera", camera, "--out", out, "--rate", rate, "--json"]
 try:
@@ -68,7 +74,8 @@ def tracked(code: Path, video: Path, camera: Path, rate: float) -> dict:
     """One run of ``track`` by the package in the folder ``code``."""
     with tempfile.TemporaryDirectory() as scratch:
         command = [sys.executable, "-c", CHILD, str(video), str(camera), scratch, str(rate)]
-        environment = os.environ | {"PYTHONPATH": str(code / "src")}
+        paths = [str(code / "src"), os.environ.get("PYTHONPATH", "")]
+        environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths)}
         done = subprocess.run(
             command, env=environment, stdout=subprocess.PIPE, text=True, check=True
         )

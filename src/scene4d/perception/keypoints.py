@@ -9,9 +9,10 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from scene4d.core.body import HALPE26
-from scene4d.perception._session import open_session
+from scene4d.perception._session import open_coarse
 from scene4d.perception.weights import weight_path
 
+_INPUT = "input"
 INPUT_SIZE = (192, 256)
 """Width and height of the network's input, pixels."""
 _PADDING = 1.25
@@ -59,13 +60,12 @@ def decode_simcc(logits: Float[np.ndarray, "n k b"]) -> tuple[np.ndarray, np.nda
 
 
 class KeypointEstimator:
-    """RTMPose-s on ONNX Runtime; downloads missing weights."""
+    """RTMPose-s ; downloads missing weights."""
 
     names: tuple[str, ...] = HALPE26
 
     def __init__(self) -> None:
-        self._session = open_session(weight_path("rtmpose-s"))
-        self._input = self._session.get_inputs()[0].name
+        self._session = open_coarse(weight_path("rtmpose-s"))
 
     def estimate(
         self, image_bgr: UInt8[np.ndarray, "h w 3"], box_xyxy: Float[np.ndarray, "n 4"]
@@ -82,7 +82,7 @@ class KeypointEstimator:
         for start in range(0, len(box_xyxy), BATCH):
             rows = slice(start, start + BATCH)
             crops = _crops(image_bgr, scale[rows], shift[rows])
-            logits_x, logits_y = self._session.run(["simcc_x", "simcc_y"], {self._input: crops})
+            logits_x, logits_y = self._session.run(["simcc_x", "simcc_y"], {_INPUT: crops})
             x, peak_x = decode_simcc(logits_x)
             y, peak_y = decode_simcc(logits_y)
             inside = np.stack([x, y], axis=2) / _BINS_PER_PIXEL

@@ -133,5 +133,12 @@ def list_weights(*, weights: Sequence[Download] = WEIGHTS) -> list[WeightStatus]
     return rows
 
 
+def engine_name() -> str:
+    """What runs the networks of people and vehicles here; results differ a little between two."""
+    from scene4d.perception._session import engine
+
+    return engine()
+
+
 def _folder() -> Path:
     return cache_dir() / "weights"

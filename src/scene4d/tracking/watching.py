@@ -88,7 +88,7 @@ def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
     """Everything that the detections depend on."""
     from importlib.metadata import version
 
-    from scene4d.perception.weights import WEIGHTS
+    from scene4d.perception.weights import WEIGHTS, engine_name
 
     path, options = Path(footage.name), job.options
     there = path.stat() if path.is_file() else None
@@ -104,6 +104,7 @@ def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
         "chunk_s": _CHUNK_S,
         "camera": hashlib.sha256(described).hexdigest()[:12],
         "person_height_m": options.person_height_m,
+        "engine": engine_name(),
         "weights": {weight.name: weight.sha256 for weight in WEIGHTS},
         "software": f"scene4d {version('scene4d')}",
     }

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from scene4d.core.tracks import CLASSES
-from scene4d.perception._session import open_session
+from scene4d.perception._session import open_coarse
 from scene4d.perception.detectors._base import COCO80
 from scene4d.perception.detectors._darknet import PICTURE, onnx_of_darknet
 from scene4d.perception.detectors.tiles import Boxes, Sight, TiledDetector
@@ -48,7 +48,7 @@ class Yolov4TinyDetector(TiledDetector):
         )
         layers, weights = weight_path("yolov4-tiny-layers"), weight_path("yolov4-tiny")
         network = onnx_of_darknet(layers.read_text(), weights.read_bytes(), (_INPUT_PX, _INPUT_PX))
-        self._session = open_session(network)
+        self._session = open_coarse(network)
 
     def infer(self, image_bgr: np.ndarray, threshold: float) -> Boxes:
         """What the network says of one picture; see :meth:`TiledDetector.infer`."""

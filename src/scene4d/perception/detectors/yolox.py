@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from scene4d.core.errors import InputError
-from scene4d.perception._session import open_session
+from scene4d.perception._session import open_coarse, open_session
 from scene4d.perception.detectors._base import COCO80
 from scene4d.perception.detectors.tiles import INPUT_PX, Boxes, Sight, TiledDetector
 from scene4d.perception.weights import weight_path
@@ -157,7 +157,7 @@ class YoloxDetector(OnnxYoloxDetector):
 
     def _session_for(self, size: tuple[int, int]) -> Any:
         if size not in self._sessions:
-            self._sessions[size] = open_session(_of_size(self._path, size))
+            self._sessions[size] = open_coarse(_of_size(self._path, size))
         return self._sessions[size]
 
 
@@ -177,13 +177,15 @@ def _of_size(path: Path, size: tuple[int, int]) -> bytes:
     cells = len(_grid(before, _STRIDES[0]))
     grid = _grid(size, _STRIDES[0]).astype(np.float32)
     for constant in model.graph.initializer:
+        if list(constant.dims) != [cells, 2] and constant.data_type != onnx.TensorProto.INT64:
+            continue  # weights
         old = onnx.numpy_helper.to_array(constant)
         new = old.copy()
         if old.shape == (cells, 2):
             new = grid[:, 2:] * (grid[:, :2] if (old[0] == 0).all() else 1)
-        elif old.tolist() == [cells]:
+        elif old.shape == (1,) and old[0] == cells:
             new[:] = len(grid)
-        elif old.ndim == 1 and old.dtype == np.int64:
+        elif old.ndim == 1:
             halves = np.flatnonzero(old == before[0] // 2)
             new[halves] = (size[1] // 2, size[0] // 2)[: len(halves)]
         constant.CopyFrom(onnx.numpy_helper.from_array(new, constant.name))
