@@ -32,7 +32,7 @@ _MOST_WAITING = 1000
 _FIRST_WAIT_S, _LONGEST_WAIT_S = 1.0, 60.0
 """Waits between attempts; each is twice the one before."""
 _LAST_S = 10.0
-"""At the end, what waits is sent for this long."""
+"""At the end, what waits is sent for this long, until an attempt fails."""
 
 
 class Alerts:
@@ -127,12 +127,15 @@ class _Outbox:
     def _work(self) -> None:
         wait_s = 0.0
         while (path := self._next(wait_s)) is not None:
+            closing = self._until_s is not None
             try:
                 self._target.send(path.read_bytes())
             except Exception as error:  # whatever a library raises: the alert waits
                 if not wait_s:
                     _LOG.warning("%s: an alert cannot be delivered: %s", self._target.name, error)
                 wait_s = min(max(2 * wait_s, _FIRST_WAIT_S), _LONGEST_WAIT_S)
+                if closing:  # it was the last attempt
+                    break
                 continue
             if wait_s:
                 _LOG.warning("%s: alerts are delivered again", self._target.name)
@@ -150,6 +153,6 @@ class _Outbox:
             self._news.wait_for(lambda: self._until_s is not None, wait_s)
             self._news.wait_for(lambda: self._waiting or self._until_s is not None)
             over = self._until_s is not None and time.monotonic() >= self._until_s
-            if over or not self._waiting or (wait_s and self._until_s is not None):
+            if over or not self._waiting:
                 return None
             return self._waiting[0]
