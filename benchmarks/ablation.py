@@ -110,7 +110,7 @@ VARIANTS = (
     ),
     Variant(
         "one height for all",
-        constants=((refine, "_HEIGHT_RANGE", (1e-4, 1e-4)), (refine, "HEIGHT_SIGMA_M", 1e-4)),
+        constants=((refine, "_HEIGHT_RANGE", (1e-4, 1e-4)),),
         concerns=has_tracks,
     ),
     Variant(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks import comparison, peers, scenes, search, search_peers, search_stages
+from benchmarks import ablation, comparison, peers, scenes, search, search_peers, search_stages
 from benchmarks.peers import Method
 
 from scene4d.core.calibration import Calibration
@@ -27,6 +27,13 @@ def street() -> scenes.Scene:
 
 def seen_by(camera: Camera | None) -> Method:
     return Method("test", lambda scene: camera)
+
+
+def test_the_constants_that_the_ablation_changes_exist():
+    changed = [constant for variant in ablation.VARIANTS for constant in variant.constants]
+    assert len(changed) > 4
+    for place, name, value in changed:
+        assert type(getattr(place, name)) is type(value)
 
 
 def test_the_table_of_a_small_run():
