@@ -13,7 +13,7 @@ from scene4d.core._calibration_fields import (
     texts,
     uncertainty,
 )
-from scene4d.core._ground_error import (
+from scene4d.core._ground_jacobian import (
     common_motion,
     ground_jacobian,
     propagated,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.core._ground_error import common_motion, rigid_motions, sigma_m
+from scene4d.core._ground_jacobian import common_motion, rigid_motions, sigma_m
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 
