@@ -166,6 +166,25 @@ def test_boxes_alone():
     assert solve_points(mixed, image_size=SIZE)
 
 
+def test_boxes_of_whom_nobody_walks():
+    """A box does not show who sits. Seen once, or with keypoints, people may stand still."""
+    scene = draw_scene(1, 40, tracks=40, image_size=SIZE)
+    track = np.repeat(np.arange(40), 2)
+    ends = (np.repeat(uv, 2, axis=0) for uv in (scene.people.foot_uv, scene.people.head_uv))
+    boxes = Segments.from_points(*ends, track=track, from_box=True)
+    options = CalibrateOptions(lens=scene.camera.lens, orientation="people")
+    found = solve_segments(boxes, SIZE, options)
+    assert not found
+    assert found.reason.startswith("nobody walks, and a box does not show")
+    for others in (
+        replace(boxes, from_box=np.zeros(80, bool)),
+        replace(boxes, track=np.full(80, -1)),
+        boxes.select(np.arange(80) % 2 == 0),
+    ):
+        answer = solve_segments(others, SIZE, options)
+        assert answer or "nobody walks" not in answer.reason
+
+
 def test_the_papers_method_where_nobody_agrees():
     told = Orientation(1000.0, 0.3, 0.0)
     reason = refused(HEAD, FOOT, method="paper", prior=told)
