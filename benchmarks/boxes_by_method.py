@@ -7,15 +7,12 @@ alone, nothing given. Both methods get the same reading of the orientation netwo
 table replaces what stands between the markers in docs/coverage.md.
 """
 
-import argparse
-import os
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.coverage import PAGE, ROOT, Part, kept, markdown, on_ground, parts
+from benchmarks.coverage import Part, arguments_of, kept, markdown, on_ground, parts, put
 from benchmarks.recordings import RECORDINGS, Recording
 
 BEGIN, END = "<!-- methods: begin -->", "<!-- methods: end -->"
@@ -61,19 +58,11 @@ def table(found: dict[str, np.ndarray]) -> list[list[str]]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
-    parser.add_argument(
-        "--cache", type=Path, default=Path(tempfile.gettempdir()) / "scene4d-recordings"
-    )
-    parser.add_argument("--write", action="store_true", help="put the table into the page")
-    arguments = parser.parse_args()
+    arguments = arguments_of(__doc__).parse_args()
     text = markdown(table(measured(arguments.data, arguments.cache)))
     print(text)
     if arguments.write:
-        before, rest = PAGE.read_text().split(BEGIN)
-        PAGE.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}")
+        put(text, BEGIN, END)
 
 
 if __name__ == "__main__":

@@ -267,16 +267,28 @@ def kept(make: Any, data: Path, cache: Path) -> tuple[Recording, Seen]:
     return recording, pickle.loads(file.read_bytes())
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def arguments_of(doc: str | None) -> argparse.ArgumentParser:
+    """The options of a benchmark over parts of recordings, which writes into the page."""
+    parser = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
     default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
     parser.add_argument("--data", type=Path, default=Path(default))
     parser.add_argument(
         "--cache", type=Path, default=Path(tempfile.gettempdir()) / "scene4d-recordings"
     )
+    parser.add_argument("--write", action="store_true", help="put the tables into the page")
+    return parser
+
+
+def put(text: str, begin: str, end: str) -> None:
+    """Replace what stands between two marks of the page."""
+    before, rest = PAGE.read_text().split(begin)
+    PAGE.write_text(f"{before}{begin}\n{text}\n{end}{rest.split(end)[1]}")
+
+
+def main() -> None:
+    parser = arguments_of(__doc__)
     parser.add_argument("--only", default="", help="recordings whose name holds this")
     parser.add_argument("--verbose", action="store_true", help="a line for every part")
-    parser.add_argument("--write", action="store_true", help="put the tables into the page")
     arguments = parser.parse_args()
     found = measured(arguments.data, arguments.cache, arguments.only)
     if arguments.verbose:
@@ -298,8 +310,7 @@ def main() -> None:
     )
     print(text)
     if arguments.write:
-        before, rest = PAGE.read_text().split(BEGIN)
-        PAGE.write_text(f"{before}{BEGIN}\n{text}\n{END}{rest.split(END)[1]}")
+        put(text, BEGIN, END)
 
 
 if __name__ == "__main__":

@@ -46,11 +46,12 @@ class Rival:
 
 def find_rival(problem: Problem, state: State, *, seed: int = 0) -> Rival | None:
     """Another camera, on which those agree who do not fit this one; None where they do not."""
-    if _gives_way(problem, state):
+    weight, inlier = problem.weight, linearise(problem, state).inlier
+    if _gives_way(problem, state, inlier):
         problem = replace(problem, drift=None)
         stiff = solve(problem, seed=seed)
         state = state if stiff is None else stiff
-    weight, inlier = problem.weight, linearise(problem, state).inlier
+        inlier = linearise(problem, state).inlier
     fitting = np.bincount(problem.track, weight * inlier) / np.bincount(problem.track, weight)
     rows = np.flatnonzero((fitting < 0.5)[problem.track])
     share = float(weight[rows].sum() / weight.sum())
@@ -62,7 +63,7 @@ def find_rival(problem: Problem, state: State, *, seed: int = 0) -> Rival | None
     other = solve(theirs, seed=seed)
     if other is None:
         return None
-    agreeing = _agreeing(theirs, other)
+    agreeing = _agreeing(theirs, linearise(theirs, other).inlier)
     if agreeing < _LEAST_AGREEING or not evidence(theirs, other) > _LEAST_EVIDENCE:
         return None
     if _likelihood(theirs, other) < _at_another_height(theirs, state, other, seed) + _TURNED:
@@ -70,16 +71,15 @@ def find_rival(problem: Problem, state: State, *, seed: int = 0) -> Rival | None
     return Rival(rows, share, other.parameters)
 
 
-def _gives_way(problem: Problem, state: State) -> bool:
+def _gives_way(problem: Problem, state: State, inlier: Float[np.ndarray, "n"]) -> bool:
     """Whether the drift that all people share may have made peace between two groups."""
     if problem.drift is None:
         return False
     strange = np.abs(state.drift) * np.sqrt(problem.drift.precision)
-    return bool(strange.max() > _STRANGE_DRIFT or _agreeing(problem, state) < _AT_EASE)
+    return bool(strange.max() > _STRANGE_DRIFT or _agreeing(problem, inlier) < _AT_EASE)
 
 
-def _agreeing(problem: Problem, state: State) -> float:
-    inlier = linearise(problem, state).inlier
+def _agreeing(problem: Problem, inlier: Float[np.ndarray, "n"]) -> float:
     return float(problem.weight @ inlier / problem.weight.sum())
 
 

@@ -200,9 +200,9 @@ def _problem(
     length = np.hypot(*(points.head - points.foot))
     correlation = TRACK_CORRELATION if case.asked.systematics else 0.0
     weight = position_weights(points.foot, length, track, correlation)
-    places = _places_seen(points, track)
-    if case.asked.systematics and (places > 1).any():
-        still = (places <= 1) & (case.segments.track[case.usable] >= 0)
+    if case.asked.systematics and points.has_boxes:
+        places = _places_seen(points, track)
+        still = (places <= 1) & (case.segments.track[case.usable] >= 0) & (places > 1).any()
         weight = np.where(still & points.from_box, STILL_WEIGHT * weight, weight)
     lines = None
     if edges_xyxy is not None and len(edges_xyxy):
@@ -274,8 +274,9 @@ def _judged(case: Case, problem: Problem, state: State, traffic: Traffic | None)
         rulers, problem.prior, state.parameters, depth, cov, errors.relative, share,
         who=verdict.in_words(people, vehicles),
     )  # fmt: skip
-    if why is None and traffic is None and case.asked.systematics:
-        why = verdict.standing(problem.points.from_box, _places_seen(problem.points, problem.track))
+    points = problem.points
+    if why is None and traffic is None and case.asked.systematics and points.from_box.all():
+        why = verdict.standing(_places_seen(points, problem.track))
     doubt = Doubts(why)
     if why is None and traffic is None:
         doubt = doubts(case, problem, state, people, share)

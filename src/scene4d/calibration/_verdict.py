@@ -73,12 +73,12 @@ HANGING = (
 )
 
 
-def standing(box: Bool[np.ndarray, "n"], places: Int[np.ndarray, "n"]) -> str | None:
+def standing(places: Int[np.ndarray, "n"]) -> str | None:
     """Why boxes do not tell the camera, in how many ``places`` their tracks were ever seen (0 of a
     person who was seen once only); None where somebody walks, and in single pictures.
     """
     still = (places == 1).mean() > 0.5 and not (places > 1).any()
-    return NOBODY_WALKS if box.all() and still else None
+    return NOBODY_WALKS if still else None
 
 
 def too_few(people: int, vehicles: int | None) -> str:

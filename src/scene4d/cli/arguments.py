@@ -22,6 +22,61 @@ def annotation_format(panel: str) -> Any:
     )
 
 
+CAMERA: Any = typer.Option(
+    metavar="FILE",
+    help="camera.json from calibrate, or a camera file in another known format.",
+    show_default=False,
+)
+"""The option ``--camera`` of commands that track."""
+SCENE: Any = typer.Option(
+    metavar="SCENE",
+    help="Folder of the scene; created if it does not exist, extended if it does.",
+    show_default=False,
+)
+"""The option ``--out`` of commands that track."""
+
+
+def detector_option(panel: str) -> Any:
+    """The option ``--detector`` of commands that track."""
+    return typer.Option(
+        metavar="NAME|FILE",
+        help="Another detector for people and vehicles: a registered name, or an ONNX file "
+        "in the YOLOX layout with the COCO classes.",
+        rich_help_panel=panel,
+        show_default=False,
+    )
+
+
+def person_height_option(panel: str) -> Any:
+    """The option ``--person-height`` of commands that track."""
+    return typer.Option(
+        metavar="METRES",
+        help="Mean height of the people. Default: the height used by the calibration.",
+        rich_help_panel=panel,
+        show_default=False,
+    )
+
+
+def catalogue_option(panel: str) -> Any:
+    """The option ``--catalogue`` of commands that search."""
+    return typer.Option(
+        metavar="FILE",
+        help="YAML file with your own activities, added to the built-in ones. Repeatable.",
+        rich_help_panel=panel,
+        show_default=False,
+    )
+
+
+def zones_option(panel: str) -> Any:
+    """The option ``--zones`` of commands that search."""
+    return typer.Option(
+        metavar="FILE",
+        help="Named zones and lines on the ground, in metres: GeoJSON, or names with points.",
+        rich_help_panel=panel,
+        show_default=False,
+    )
+
+
 def parse_image_size(text: str) -> tuple[int, int]:
     """``1920x1080`` as (width, height)."""
     match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scene4d.cli.arguments import command_line
+from scene4d.cli.arguments import catalogue_option, command_line, zones_option
 from scene4d.cli.command import Answer, Job, command, output_folder
 
 if TYPE_CHECKING:
@@ -52,24 +52,8 @@ def search(
             help="Lowest score of an event; values below 0.001 count as 0.001.",
         ),
     ] = 0.05,
-    catalogue: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE",
-            help="YAML file with your own activities, added to the built-in ones. Repeatable.",
-            rich_help_panel=_ASKED,
-            show_default=False,
-        ),
-    ] = None,
-    zones: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Named zones and lines on the ground, in metres: GeoJSON, or names with points.",
-            rich_help_panel=_ASKED,
-            show_default=False,
-        ),
-    ] = None,
+    catalogue: Annotated[list[Path] | None, catalogue_option(_ASKED)] = None,
+    zones: Annotated[Path | None, zones_option(_ASKED)] = None,
     footage: Annotated[
         Path | None,
         typer.Option(

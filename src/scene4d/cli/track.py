@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from scene4d.cli.arguments import annotation_format, parse_person_height
+from scene4d.cli.arguments import (
+    CAMERA,
+    SCENE,
+    annotation_format,
+    detector_option,
+    parse_person_height,
+    person_height_option,
+)
 from scene4d.cli.command import Answer, Job, command, output_folder
 
 if TYPE_CHECKING:
@@ -29,22 +36,8 @@ def track(
         ),
     ] = None,
     *,
-    camera: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE",
-            help="camera.json from calibrate, or a camera file in another known format.",
-            show_default=False,
-        ),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            metavar="SCENE",
-            help="Folder of the scene; created if it does not exist, extended if it does.",
-            show_default=False,
-        ),
-    ],
+    camera: Annotated[Path, CAMERA],
+    out: Annotated[Path, SCENE],
     annotations: Annotated[
         Path | None,
         typer.Option(
@@ -65,16 +58,7 @@ def track(
             rich_help_panel=_WATCHING,
         ),
     ] = 10.0,
-    detector: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME|FILE",
-            help="Another detector for people and vehicles: a registered name, or an ONNX file "
-            "in the YOLOX layout with the COCO classes.",
-            rich_help_panel=_WATCHING,
-            show_default=False,
-        ),
-    ] = None,
+    detector: Annotated[str | None, detector_option(_WATCHING)] = None,
     fps: Annotated[
         float | None,
         typer.Option(
@@ -115,15 +99,7 @@ def track(
             show_default=False,
         ),
     ] = None,
-    person_height: Annotated[
-        str | None,
-        typer.Option(
-            metavar="METRES",
-            help="Mean height of the people. Default: the height used by the calibration.",
-            rich_help_panel=_MEANING,
-            show_default=False,
-        ),
-    ] = None,
+    person_height: Annotated[str | None, person_height_option(_MEANING)] = None,
 ) -> Answer:
     """Track people and vehicles on the ground, in metres and seconds, and write the scene.
 

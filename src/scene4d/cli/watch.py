@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from scene4d.cli.arguments import parse_person_height
+from scene4d.cli.arguments import (
+    CAMERA,
+    SCENE,
+    catalogue_option,
+    detector_option,
+    parse_person_height,
+    person_height_option,
+    zones_option,
+)
 from scene4d.cli.command import Answer, Job, command, output_folder
 from scene4d.cli.output import emit, visible
 
@@ -35,22 +43,8 @@ def watch(
         ),
     ],
     *,
-    camera: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE",
-            help="camera.json from calibrate, or a camera file in another known format.",
-            show_default=False,
-        ),
-    ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            metavar="SCENE",
-            help="Folder of the scene; created if it does not exist, extended if it does.",
-            show_default=False,
-        ),
-    ],
+    camera: Annotated[Path, CAMERA],
+    out: Annotated[Path, SCENE],
     rate: Annotated[
         float,
         typer.Option(
@@ -100,34 +94,9 @@ def watch(
             rich_help_panel=_ASKED,
         ),
     ] = 0.3,
-    catalogue: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE",
-            help="YAML file with your own activities, added to the built-in ones. Repeatable.",
-            rich_help_panel=_ASKED,
-            show_default=False,
-        ),
-    ] = None,
-    zones: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Named zones and lines on the ground, in metres: GeoJSON, or names with points.",
-            rich_help_panel=_ASKED,
-            show_default=False,
-        ),
-    ] = None,
-    detector: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME|FILE",
-            help="Another detector for people and vehicles: a registered name, or an ONNX file "
-            "in the YOLOX layout with the COCO classes.",
-            rich_help_panel=_WATCHING,
-            show_default=False,
-        ),
-    ] = None,
+    catalogue: Annotated[list[Path] | None, catalogue_option(_ASKED)] = None,
+    zones: Annotated[Path | None, zones_option(_ASKED)] = None,
+    detector: Annotated[str | None, detector_option(_WATCHING)] = None,
     name: Annotated[
         str | None,
         typer.Option(
@@ -138,15 +107,7 @@ def watch(
             show_default=False,
         ),
     ] = None,
-    person_height: Annotated[
-        str | None,
-        typer.Option(
-            metavar="METRES",
-            help="Mean height of the people. Default: the height used by the calibration.",
-            rich_help_panel=_MEANING,
-            show_default=False,
-        ),
-    ] = None,
+    person_height: Annotated[str | None, person_height_option(_MEANING)] = None,
 ) -> Answer:
     """Track a running camera: what it sees is in the scene within two seconds.
 

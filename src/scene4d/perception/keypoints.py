@@ -60,7 +60,7 @@ def decode_simcc(logits: Float[np.ndarray, "n k b"]) -> tuple[np.ndarray, np.nda
 
 
 class KeypointEstimator:
-    """RTMPose-s ; downloads missing weights."""
+    """RTMPose-s; downloads missing weights."""
 
     names: tuple[str, ...] = HALPE26
 

@@ -23,6 +23,7 @@ from jaxtyping import Float, Int
 from scipy.special import betaln, logsumexp
 
 from scene4d.core.people import Detections
+from scene4d.tracking._motion_model import LASTING_S
 
 FEWEST_SIGHTINGS = 3
 """A track with fewer is not published, whatever its probability: most are parts of people who have
@@ -39,8 +40,6 @@ _SAME_PLACE_IOU = 0.6
 """Things whose mean boxes overlap by this stand at one place."""
 _STILL = 0.15
 """Movement, in heights, up to which a track may be a thing."""
-_LASTING_S = 1.2
-"""Sightings this far apart are independent (:data:`._motion_model.LASTING_S`)."""
 
 
 @dataclass(frozen=True)
@@ -221,7 +220,7 @@ def _real(columns: np.ndarray, still_s: np.ndarray, now_s: float) -> np.ndarray:
     """Probability of being real, given :meth:`_Track.columns` as rows."""
     n, person, score, body, height, move, chances, length_s, seen_s = columns
     person = person > 0
-    effective = np.minimum(n, 1 + length_s / _LASTING_S)
+    effective = np.minimum(n, 1 + length_s / LASTING_S)
     real, mistake = (
         np.where(
             person,

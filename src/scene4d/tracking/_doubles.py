@@ -14,6 +14,7 @@ from scipy.special import logit, ndtr
 
 from scene4d.core.tracks import Located
 from scene4d.core.vehicle_shapes import SHAPES
+from scene4d.tracking._motion_model import LASTING_S
 
 _NEAR_M = 8.0
 """Vehicles further apart are not compared: half the lengths of a bus and a lorry."""
@@ -26,8 +27,6 @@ _MOST = 6.0
 """Limit of the log odds, so that two vehicles that part are told apart within seconds."""
 _LEAST = 0.02
 """No single comparison is more certain than this."""
-_LASTING_S = 1.2
-"""Comparisons this far apart are independent (:data:`._motion_model.LASTING_S`)."""
 _AXIS_SIGMA = 0.3
 """Radians: a heading less certain than this does not tell how far a vehicle reaches."""
 _FORGET_S = 600.0
@@ -91,7 +90,7 @@ class Doubles:
         elder, younger = sorted((int(track[a]), int(track[b])))
         pair = self._pairs.setdefault((elder, younger), _Pair(_PRIOR, time_s))
         p = _overlap(class_name[[a, b]], located.select(np.array([a, b])))
-        share = min(1.0, (time_s - pair.seen_s) / _LASTING_S)
+        share = min(1.0, (time_s - pair.seen_s) / LASTING_S)
         told = share * float(logit(np.clip(p, _LEAST, 1 - _LEAST)))
         pair.log_odds = float(np.clip(pair.log_odds + told, -_MOST, _MOST))
         pair.seen_s = time_s
