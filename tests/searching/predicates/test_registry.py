@@ -18,6 +18,7 @@ NAMES = {
     "turning_left", "turning_right", "speed_above", "speed_below", "reversing", "appears",
     "disappears", "inside", "crosses", "facing", "arm_moving_down", "arm_moving_up", "same_place",
     "u_turning", "appears_from", "disappears_into", "stooping", "crowded",
+    "together", "between", "alone", "staying",
 }  # fmt: skip
 UNITS = {"m", "s", "m/s", "rad", "", "zone", "line", "side"}
 GIVEN = {"zone": "yard", "line": "gate"}
@@ -37,7 +38,7 @@ def test_parameters_are_those_of_the_function(name):
     assert predicate.name == predicate.function.__name__ == name
     signature = inspect.signature(predicate.function).parameters
     roles = [p for p in signature.values() if p.kind is p.POSITIONAL_OR_KEYWORD]
-    assert predicate.arity == len(roles) in (1, 2)
+    assert predicate.arity == len(roles) in (1, 2, 3)
     assert set(predicate.parameters) == set(signature) - {p.name for p in roles}
     for key, parameter in predicate.parameters.items():
         assert parameter.name == key
@@ -91,13 +92,14 @@ def test_every_predicate_is_a_probability_or_unknown_of_its_own_row(some, data):
     index = st.lists(st.integers(0, n - 1), max_size=10)
     first = np.array(data.draw(index), int)
     second = np.array(data.draw(st.permutations(range(n))), int)[np.arange(len(first)) % n]
+    third = second[::-1]
     order = np.array(data.draw(st.permutations(range(len(first)))), int)
     for predicate in PREDICATES.values():
         units = {p.unit: key for key, p in predicate.parameters.items()}
         if units.keys() & {"zone", "line"} - {places[:-1]}:
             continue
         more = {units[u]: GIVEN[u] for u in units.keys() & GIVEN.keys()}
-        roles = [first, second][: predicate.arity]
+        roles = [first, second, third][: predicate.arity]
         found = predicate.function(*(stage.rows(r) for r in roles), **more)
         assert found.shape == first.shape
         known = found[~np.isnan(found)]
@@ -136,7 +138,7 @@ def test_a_predicate_that_looks_at_keypoints_says_so(name, monkeypatch):
     monkeypatch.setattr(_WithoutBodies, "guarded", True)
     predicate = PREDICATES[name]
     more = {key: GIVEN[p.unit] for key, p in predicate.parameters.items() if p.required}
-    roles = [rows_of(world, 1), rows_of(world, 2)][: predicate.arity]
+    roles = [rows_of(world, track) for track in (1, 2, 1)][: predicate.arity]
     if predicate.keypoints:
         with pytest.raises(AssertionError, match="looks at keypoints"):
             predicate.function(*roles, **more)

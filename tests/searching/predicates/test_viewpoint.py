@@ -40,10 +40,11 @@ PAIRS = {
 }
 ONE = (
     "moving", "stationary", "speed_above", "speed_below", "turning_left", "turning_right",
-    "u_turning", "reversing", "inside", "crosses",
+    "u_turning", "reversing", "inside", "crosses", "staying",
 )  # fmt: skip
 TWO = (
     "near", "far", "same_place", "moving_towards", "moving_away", "following", "facing",
+    "together",
 )  # fmt: skip
 SIDES = ("front", "back", "left", "right")
 ZONE = np.array([[-2.5, -2.0], [2.0, -2.0], [3.0, 1.5], [-2.0, 2.0]])

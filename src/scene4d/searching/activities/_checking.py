@@ -24,6 +24,8 @@ def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> N
         check_names("phase", [phase.name for phase in activity.phases])
         for role in activity.roles:
             check_role(role)
+        if sum(role.count > 1 for role in activity.roles) > 1:
+            raise InputError("two roles that several play, expected one at most")
         names = [role.name for role in activity.roles]
         for phase in activity.phases:
             check_durations(phase)
@@ -43,6 +45,8 @@ def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> N
 
 def check_role(role: Role) -> None:
     """Raise :class:`InputError` for a class that scenes do not have."""
+    if role.count < 1:
+        raise InputError(f"role {role.name!r}: count must be at least 1, found {role.count}")
     if not role.classes:
         raise InputError(f"role {role.name!r}: no class; there is {', '.join(CLASSES)}")
     for name in role.classes:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from scene4d.searching.activities._compose import Aligned
-from scene4d.searching.activities._evidence import Evidence, phase_value
+from scene4d.searching.activities._evidence import Evidence, at_least_text, phase_value
 from scene4d.searching.activities._terms import term_text
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.predicates.stage import Stage
@@ -58,6 +58,9 @@ def found_event(
     ):
         for term, values in zip(phase.terms, evidence.terms[number], strict=True):
             why[f"{phase.name}: {term_text(term)}"] = phase_value(values[first : last + 1])
+        if evidence.enough is not None:
+            so_many = evidence.enough[number][first : last + 1]
+            why[f"{phase.name}: {at_least_text(activity)}"] = phase_value(so_many)
     if aligned.stretched < -0.01:
         why[WITHOUT_BREAK] = float(np.exp(aligned.stretched))
     score = float(np.exp(min(aligned.log_score, 0.0)))
@@ -99,7 +102,8 @@ def one_per_occurrence(
     """Of events that overlap in time and have one doer only the best, best first.
 
     The doer is the first role; where roles may be swapped (``symmetric``) each of them is. Doers
-    within ``crowd_m`` of one another count as one. Equal scores are ordered by time, then tracks.
+    within ``crowd_m`` of one another, with the same others, count as one. Equal scores are ordered
+    by time, then tracks.
     """
     order = sorted(
         found,
@@ -130,4 +134,6 @@ def one_per_occurrence(
 def _together(one: Found, other: Found, crowd_m: float) -> bool:
     a, b = one.event, other.event
     meets = a.begin_s <= b.end_s and b.begin_s <= a.end_s
-    return meets and float(np.linalg.norm(one.place_m - other.place_m)) <= crowd_m
+    same = one.partners == other.partners
+    apart = float(np.linalg.norm(one.place_m - other.place_m))
+    return meets and same and not apart > crowd_m

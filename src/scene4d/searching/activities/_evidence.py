@@ -8,7 +8,9 @@ from jaxtyping import Float, Int
 
 from scene4d.searching.activities._casting import Casts, View, views_of
 from scene4d.searching.activities._terms import arguments
-from scene4d.searching.activities.definition import Activity, Term
+from scene4d.searching.activities.definition import Activity, Role, Term
+from scene4d.searching.predicates._crowd import at_least
+from scene4d.searching.predicates._meeting import expand, runs
 from scene4d.searching.predicates._registry import Predicate
 from scene4d.searching.predicates.stage import Stage
 
@@ -20,6 +22,8 @@ _UNJUDGED = 0.5
 """Where a predicate cannot be judged (NaN), nothing is known: the statement is a coin toss."""
 _ROUNDING = 1e-9
 """Sums of logarithms are off by less: a score that just reaches the least one does reach it."""
+_UNLIKELY = 0.01
+"""Who does as is said with less probability is not counted among several; chosen by hand."""
 _BLOCK = 1 << 17
 """Rows that a predicate is given at a time, so that what it gathers stays small."""
 
@@ -31,13 +35,15 @@ _Statement = tuple[str, tuple[View, ...], tuple[tuple[str, float | str], ...]]
 class Evidence:
     """Log probabilities of the phases at every moment, (phases, moments): ``log_p`` the product of
     all terms, ``log_judged`` of those that can be judged. ``terms`` are the probabilities of each
-    phase's terms, NaN where unjudged.
+    phase's terms, NaN where unjudged; ``enough`` of each phase that enough others are so, where a
+    role is played by several.
     """
 
     casts: Casts
     log_p: Float[np.ndarray, "k n"]
     log_judged: Float[np.ndarray, "k n"]
     terms: tuple[tuple[Float[np.ndarray, "n"], ...], ...]
+    enough: Float[np.ndarray, "k n"] | None = None
 
 
 def gather(
@@ -51,7 +57,8 @@ def gather(
 
     A phase is never more probable than its best moment. So terms are judged one after the other,
     those of one role first, and casts whose best moments multiply to less are dropped; no event of
-    ``least_score`` or more is lost.
+    ``least_score`` or more is lost. Where several play a role all casts are kept to count them, and
+    the probability that enough others do as this one does is one more factor of each phase.
     """
     judged: dict[_Statement, np.ndarray] = {}
     log_p = np.zeros((len(activity.phases), len(casts)))
@@ -62,7 +69,7 @@ def gather(
             log_p[phase] += _log_probability(values, negated)
             unjudged[phase] += np.isnan(values)
         alive = _alive(log_p, casts.first, least_score)
-        if not alive.all():
+        if not alive.all() and not played_by_several(activity):
             keep = np.repeat(alive, casts.count)
             casts, log_p, unjudged = casts.only(alive), log_p[:, keep], unjudged[:, keep]
             judged = {key: value[keep] for key, value in judged.items()}
@@ -75,7 +82,70 @@ def gather(
         tuple(_negated(judged[_statement(term)], term.negated) for term in phase.terms)
         for phase in activity.phases
     )
-    return Evidence(casts, log_p, log_judged, terms)
+    if not played_by_several(activity):
+        return Evidence(casts, log_p, log_judged, terms)
+    enough = _enough(activity, casts, terms)
+    log_enough = np.log(np.maximum(enough, FLOOR))
+    return Evidence(casts, log_p + log_enough, log_judged + log_enough, terms, enough)
+
+
+def played_by_several(activity: Activity) -> Role | None:
+    """The role that several play, if there is one."""
+    return next((role for role in activity.roles if role.count > 1), None)
+
+
+def at_least_text(activity: Activity) -> str:
+    """How many play the role that several play, in words."""
+    role = played_by_several(activity)
+    return f"at least {role.count} ({role.name})" if role else ""
+
+
+def _enough(
+    activity: Activity, casts: Casts, terms: tuple[tuple[np.ndarray, ...], ...]
+) -> Float[np.ndarray, "k n"]:
+    """P(so many others are as the phase says of the role that several play), at every moment.
+
+    Others are those of the same moment with the same partners; each is so with the product of what
+    is said of him, 0 where that cannot be judged, independently of the rest.
+    """
+    role = played_by_several(activity)
+    assert role is not None
+    names = [one.name for one in activity.roles]
+    who = np.repeat(np.delete(casts.tracks, names.index(role.name), axis=1), casts.count, axis=0)
+    keys = [*who.T, casts.tick]
+    order = np.lexsort(keys[::-1])
+    begin = runs(*(key[order] for key in keys))
+    size = np.diff(np.append(begin, len(order)))
+    group = np.repeat(np.arange(len(begin)), size)
+    found = np.ones((len(terms), len(casts)))
+    for number, phase in enumerate(activity.phases):
+        said = zip(phase.terms, terms[number], strict=True)
+        own = [np.nan_to_num(values)[order] for term, values in said if role.name in term.roles]
+        if own:
+            p = np.prod(own, axis=0)
+            found[number, order] = _others(p, group, begin, size, role.count - 1)
+    return found
+
+
+def _others(
+    p: Float[np.ndarray, "n"],
+    group: Int[np.ndarray, "n"],
+    begin: Int[np.ndarray, "k"],
+    size: Int[np.ndarray, "k"],
+    least: int,
+) -> Float[np.ndarray, "n"]:
+    """P(at least ``least`` of the others of each one's group); who is unlikely himself counts as
+    nobody, and has no value.
+    """
+    likely = np.flatnonzero(p > _UNLIKELY)
+    # The likely ones of each group, as ranges of ``likely``.
+    low = np.searchsorted(likely, begin)[group[likely]]
+    high = np.searchsorted(likely, begin + size)[group[likely]]
+    owner, other = expand(low, high - low)
+    apart = owner != other
+    found = np.zeros(len(p))
+    found[likely] = at_least(owner[apart], p[likely[other[apart]]], len(likely), least)
+    return found
 
 
 def promising(

@@ -12,15 +12,20 @@ ALLEN = (
 
 @dataclass(frozen=True)
 class Role:
-    """A part in an activity: who may play it. ``classes`` are those of :data:`tracks.CLASSES`."""
+    """A part in an activity: who may play it. ``classes`` are those of :data:`tracks.CLASSES`.
+
+    Where ``count`` is more than one, at least so many play it at the same time, and one of them
+    throughout.
+    """
 
     name: str
     classes: tuple[str, ...]
+    count: int = 1
 
 
 @dataclass(frozen=True)
 class Term:
-    """A predicate of one or two roles, with its parameters; ``negated`` asks for its opposite."""
+    """A predicate of one to three roles, with its parameters; ``negated`` asks for its opposite."""
 
     predicate: str
     roles: tuple[str, ...]

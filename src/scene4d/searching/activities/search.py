@@ -10,7 +10,7 @@ from scene4d.searching.activities._casting import cast, is_symmetric, rows_of_ro
 from scene4d.searching.activities._checking import check_activity, check_places
 from scene4d.searching.activities._compose import Aligned, Span, Timeline, align
 from scene4d.searching.activities._events import Event, found_event, one_per_occurrence
-from scene4d.searching.activities._evidence import Evidence, gather, promising
+from scene4d.searching.activities._evidence import Evidence, gather, played_by_several, promising
 from scene4d.searching.activities._related import align_related
 from scene4d.searching.activities._terms import value_of
 from scene4d.searching.activities.definition import Activity
@@ -64,12 +64,13 @@ def judge(
     check_activity(activity, predicates)
     check_places(stage, activity, predicates)
     rows = rows_of_roles(stage, activity)
-    if len(rows) > 1:
+    several = played_by_several(activity)
+    if len(rows) > 1 and not several:
         for role in unbound_roles(activity, predicates):
             rows[role] = promising(stage, activity, role, rows[role], predicates, least)
     casts = cast(stage, activity, rows, predicates)
     found = []
-    for batch in casts.batches():
+    for batch in [casts] if several else casts.batches():
         evidence = gather(stage, activity, batch, predicates, least)
         for number, aligned in _align(evidence, activity, stage.step_s, least):
             found.append(found_event(stage, activity, evidence, number, aligned))
@@ -102,4 +103,5 @@ def _crowd_reach_m(activity: Activity, predicates: Mapping[str, Predicate]) -> f
         for term in activity.terms
         if "radius_m" in predicates[term.predicate].parameters and not term.negated
     ]
-    return float(np.max(radii, initial=0.0))
+    # Those who are counted do it together, wherever they are.
+    return float("inf") if played_by_several(activity) else float(np.max(radii, initial=0.0))

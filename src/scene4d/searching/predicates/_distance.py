@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.special import ndtr
 
 from scene4d.core.errors import InputError
-from scene4d.searching.predicates._gaussian import ANY_RAD, form, turned
+from scene4d.searching.predicates._gaussian import ANY_RAD, above, form, turned
 from scene4d.searching.predicates.stage import StageRows
 
 NEAR_TAU_M = 4.0
@@ -18,6 +18,10 @@ NEAR_SIGMA_M = 1.0
 _SAME_PLACE_M = 1.5
 _SAME_PLACE_SIGMA_M = 0.5
 """A step or two, chosen by hand: who stands where another stood."""
+_BETWEEN_M = 2.0
+_BETWEEN_SIGMA_M = 0.3
+"""Half the length of a car, which is how wide the gap between two parked side by side is; chosen by
+hand."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +96,35 @@ def same_place(
     times: where something stood is where the caller aligns it.
     """
     return near(a, b, tau_m=tau_m, sigma_m=sigma_m)
+
+
+def between(
+    a: StageRows,
+    b: StageRows,
+    c: StageRows,
+    *,
+    tau_m: float = _BETWEEN_M,
+    sigma_m: float = _BETWEEN_SIGMA_M,
+) -> Float[np.ndarray, "m"]:
+    """P(a is between b and c): past b on the way to c and not past c, and within ``tau_m`` of the
+    line between them.
+
+    With u from b to c, n across it and q the foot of a on the line, which moves with b and c:
+    ``P(past b) + P(not past c) - 1``, times ``Φ((τ - t) / s) - Φ((-τ - t) / s)``, t = n·(a - q).
+    Each spread is that of its own difference of positions along u or n, camera included, and
+    ``sigma_m`` for the word. NaN where one of the three has no position.
+    """
+    to_c, from_b, from_c = (Separation.between(*pair) for pair in ((b, c), (b, a), (a, c)))
+    u, across = to_c.unit, turned(to_c.unit)
+    past_b = above((from_b.vector_m * u).sum(axis=1), 0.0, sigma_m, form(u, from_b.covariance_m2))
+    before_c = above((from_c.vector_m * u).sum(axis=1), 0.0, sigma_m, form(u, from_c.covariance_m2))
+    off = (from_b.vector_m * across).sum(axis=1)
+    length = np.maximum(to_c.distance_m, sigma_m)
+    share = np.clip((from_b.vector_m * u).sum(axis=1) / length, 0.0, 1.0)
+    variance = (1 - share) * form(across, from_b.covariance_m2)
+    variance = variance + share * form(across, from_c.covariance_m2)
+    beside = above(off, -tau_m, sigma_m, variance) - above(off, tau_m, sigma_m, variance)
+    return np.asarray(np.clip(past_b + before_c - 1, 0.0, 1.0) * beside)
 
 
 def near_probability(

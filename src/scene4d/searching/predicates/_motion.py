@@ -3,6 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
+from scene4d.searching.predicates._distance import Separation, near_probability
 from scene4d.searching.predicates._gaussian import above, form
 from scene4d.searching.predicates.stage import StageRows
 
@@ -10,6 +11,10 @@ MOVING_MPS = 0.5
 """What moves slower than this stands: people sway, boxes jitter. Chosen by hand."""
 SPEED_SIGMA_MPS = 0.2
 """Softness of words of speed; chosen by hand."""
+_STAYING_M = 5.0
+_STAYING_SIGMA_M = 1.0
+_STAYING_S = 60.0
+"""Who gets no further in a minute stays about a place, however much he paces; chosen by hand."""
 
 
 def speed(
@@ -62,3 +67,23 @@ def stationary(
 ) -> Float[np.ndarray, "m"]:
     """P(a stands): the rest to :func:`moving` with the same speed."""
     return 1 - moving(a, speed_mps=speed_mps, sigma_mps=sigma_mps)
+
+
+def staying(
+    a: StageRows,
+    *,
+    radius_m: float = _STAYING_M,
+    window_s: float = _STAYING_S,
+    sigma_m: float = _STAYING_SIGMA_M,
+) -> Float[np.ndarray, "m"]:
+    """P(a stays about a place): within ``window_s`` seconds about the moment it gets no further
+    than ``radius_m``, whatever it does between.
+
+    P(near) of its first and its last position in the window, with the covariances of both
+    (:class:`Separation`); of a shorter track those that there are. NaN where one is missing.
+    """
+    early, late = a.stage.window(a.index, window_s / 2)
+    way = Separation.between(a.stage.rows(early), a.stage.rows(late))
+    return near_probability(
+        way.distance_m, tau_m=radius_m, sigma_m=sigma_m, distance_sigma_m=way.distance_sigma_m
+    )

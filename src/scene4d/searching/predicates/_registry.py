@@ -9,11 +9,23 @@ from typing import Any, Literal
 import numpy as np
 
 from scene4d.searching.predicates._body import arm_moving_down, arm_moving_up
-from scene4d.searching.predicates._crowd import crowded
-from scene4d.searching.predicates._distance import far, near, same_place
-from scene4d.searching.predicates._motion import moving, speed_above, speed_below, stationary
+from scene4d.searching.predicates._crowd import alone, crowded
+from scene4d.searching.predicates._distance import between, far, near, same_place
+from scene4d.searching.predicates._motion import (
+    moving,
+    speed_above,
+    speed_below,
+    stationary,
+    staying,
+)
 from scene4d.searching.predicates._posture import stooping
-from scene4d.searching.predicates._relation import facing, following, moving_away, moving_towards
+from scene4d.searching.predicates._relation import (
+    facing,
+    following,
+    moving_away,
+    moving_towards,
+    together,
+)
 from scene4d.searching.predicates._turning import reversing, turning_left, turning_right, u_turning
 from scene4d.searching.predicates._visibility import (
     appears,
@@ -47,7 +59,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Predicate:
-    """``function(a, **parameters)`` or ``function(a, b, **parameters)`` of :class:`StageRows`: a
+    """``function(a, **parameters)``, or with b, or b and c, of :class:`StageRows`: a
     probability per row, NaN where it cannot be judged.
 
     ``keypoints`` says that it looks at the body's keypoints, which are read from a scene only where
@@ -101,13 +113,17 @@ _ALL = (
     _predicate(near, holds="within", symmetric=True),
     _predicate(far, holds="beyond", symmetric=True),
     _predicate(same_place, holds="within", symmetric=True),
+    _predicate(between),
+    _predicate(alone),
     _predicate(moving),
     _predicate(stationary),
+    _predicate(staying),
     _predicate(speed_above),
     _predicate(speed_below),
     _predicate(moving_towards),
     _predicate(moving_away),
     _predicate(following, holds="within"),
+    _predicate(together, holds="within", symmetric=True),
     _predicate(facing),
     _predicate(turning_left),
     _predicate(turning_right),
