@@ -11,6 +11,7 @@ from scene4d.calibration._joint import distinct, orientation_grid, position_weig
 from scene4d.calibration._prior import Prior
 from scene4d.calibration._vehicles import KINDS, Vehicles
 from scene4d.core.body import BORDER_PX
+from scene4d.core.boxes import covered
 from scene4d.core.people import Detections
 
 _INPUT_PX, _LARGEST_SCALE = 640.0, 2.0
@@ -155,9 +156,7 @@ def _whole(detections: Detections) -> Bool[np.ndarray, "n"]:
     for frame in np.unique(detections.frame):
         rows = np.flatnonzero(detections.frame == frame)
         here = box[rows]
-        corner = np.minimum(here[:, None, 2:], here[None, :, 2:])
-        overlap = np.clip(corner - np.maximum(here[:, None, :2], here[None, :, :2]), 0, None)
-        share = overlap.prod(axis=-1) / (here[:, 2:] - here[:, :2]).prod(axis=-1)[:, None]
+        share = covered(here[:, None], here[None])
         nearer = here[None, :, 3] > here[:, None, 3]
         whole[rows] &= ~((share > _HIDDEN_SHARE) & nearer).any(axis=1)
     return whole

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy.spatial import cKDTree
 
+from scene4d.core.boxes import iou
 from scene4d.core.people import Detections
 
 # Chosen by hand on the tuning cameras (TownCentre has mannequins, PETS has none).
@@ -61,16 +62,9 @@ def _same_place(box_xyxy: Float[np.ndarray, "n 4"]) -> list[np.ndarray]:
     radius = side * (1 - _MIN_IOU) / _MIN_IOU
     near = cKDTree(box_xyxy).query_ball_point(box_xyxy, radius, p=np.inf)
     return [
-        np.array(rows)[_iou(box, box_xyxy[rows]) >= _MIN_IOU]
+        np.array(rows)[iou(box, box_xyxy[rows]) >= _MIN_IOU]
         for box, rows in zip(box_xyxy, near, strict=True)
     ]
-
-
-def _iou(box: np.ndarray, others: np.ndarray) -> np.ndarray:
-    size = np.minimum(box[2:], others[:, 2:]) - np.maximum(box[:2], others[:, :2])
-    shared = np.clip(size, 0, None).prod(axis=1)
-    areas = (box[2:] - box[:2]).prod() + (others[:, 2:] - others[:, :2]).prod(axis=1)
-    return np.divide(shared, areas - shared, out=np.zeros(len(others)), where=areas > shared)
 
 
 def _is_still(box_xyxy: np.ndarray) -> bool:

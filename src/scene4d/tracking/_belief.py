@@ -22,6 +22,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import betaln, logsumexp
 
+from scene4d.core.boxes import covered, iou
 from scene4d.core.people import Detections
 from scene4d.tracking._motion_model import LASTING_S
 
@@ -170,7 +171,7 @@ class Belief:
             if self._time_s - one.seen_s > _MEMORY_S:
                 self._recent.discard(number)
                 self._remember(one)
-            elif len(box_xyxy) and _covered(one.box, box_xyxy) > _COVERED:
+            elif len(box_xyxy) and _hidden(one.box, box_xyxy) > _COVERED:
                 one.maybe_hidden += 1
 
     def _remember(self, one: _Track) -> None:
@@ -180,7 +181,7 @@ class Belief:
             return
         box, since = one.mean_box, one.begun_s
         for k, (other, begun, _) in enumerate(self._places):
-            if _iou(box, other) >= _SAME_PLACE_IOU:
+            if iou(box, other) >= _SAME_PLACE_IOU:
                 self._places[k] = other, min(begun, since), seen_s
                 return
         self._places.append((box, since, seen_s))
@@ -188,7 +189,7 @@ class Belief:
     def _still_s(self, one: _Track) -> float:
         """For how long its place has been taken by something still."""
         box = one.mean_box
-        since = [begun for other, begun, _ in self._places if _iou(box, other) >= _SAME_PLACE_IOU]
+        since = [begun for other, begun, _ in self._places if iou(box, other) >= _SAME_PLACE_IOU]
         return one.seen_s - min([one.begun_s, *since])
 
     def probability(self, track: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
@@ -303,14 +304,6 @@ def _lasts(length_s: np.ndarray, ended: np.ndarray) -> np.ndarray:
     return np.stack([long, long, short])
 
 
-def _covered(box: np.ndarray, others: np.ndarray) -> float:
+def _hidden(box: np.ndarray, others: np.ndarray) -> float:
     """Largest share of a box that one of the boxes nearer to the camera covers."""
-    nearer = others[others[:, 3] > box[3]]
-    size = np.minimum(box[2:], nearer[:, 2:]) - np.maximum(box[:2], nearer[:, :2])
-    return float((np.clip(size, 0, None).prod(axis=1) / (box[2:] - box[:2]).prod()).max(initial=0))
-
-
-def _iou(a: np.ndarray, b: np.ndarray) -> float:
-    size = np.clip(np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2]), 0, None)
-    shared = size.prod()
-    return float(shared / ((a[2:] - a[:2]).prod() + (b[2:] - b[:2]).prod() - shared))
+    return float(covered(box, others[others[:, 3] > box[3]]).max(initial=0.0))

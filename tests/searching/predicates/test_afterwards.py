@@ -8,7 +8,7 @@ import pytest
 from predicate_stages import STEP_S, Path, stage_of
 
 from scene4d.core.camera import Camera
-from scene4d.searching.predicates._afterwards import Afterwards, Ends, covered
+from scene4d.searching.predicates._afterwards import Afterwards, Ends
 from scene4d.searching.predicates._riding import drives_ratio, riding
 from scene4d.searching.predicates._visibility import _afterwards, appears_from, disappears_into
 
@@ -146,11 +146,6 @@ def test_a_place_is_unknown_where_the_end_has_none():
     none = Ends(np.array([], int), np.array([], int), np.array([]), np.array([]))
     ends = Ends(stage.last_row[:1], np.array([0]), np.zeros(1), np.ones(1))
     assert Afterwards(blind, ends, none, True).ratio(np.array([0, 1])).tolist() == [1.0, 1.0]
-
-
-def test_the_share_that_is_covered():
-    box = np.array([[0.0, 0.0, 10.0, 10.0], [5.0, 5.0, 15.0, 15.0]])
-    np.testing.assert_allclose(covered(box, np.array([0.0, 0.0, 10.0, 10.0])), [1.0, 0.25])
 
 
 def test_who_is_seen_through_the_window_of_a_car_that_drives_is_inside():

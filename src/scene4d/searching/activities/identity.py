@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from scene4d.core.boxes import iou
 from scene4d.searching.predicates._meeting import expand, meetings, runs
 from scene4d.searching.predicates.stage import Stage
 
@@ -59,7 +60,7 @@ def _coinciding(stage: Stage) -> Int[np.ndarray, "p 2"]:
     a, b = a[keep], b[keep]
     if len(a) == 0:
         return np.zeros((0, 2), np.int64)
-    same = _overlap(stage.tracks.box_xyxy[a], stage.tracks.box_xyxy[b]) >= _SAME_BOX
+    same = iou(stage.tracks.box_xyxy[a], stage.tracks.box_xyxy[b]) >= _SAME_BOX
     first = runs(of[a], of[b])
     share = np.add.reduceat(same.astype(float), first) / np.diff(np.append(first, len(a)))
     hit = first[share >= _SAME_SHARE]
@@ -77,15 +78,6 @@ def _resumed(stage: Stage) -> Int[np.ndarray, "p 2"]:
     first, position = expand(low, high - low)
     second = order[position]
     same = tracks.class_name[end[first]] == tracks.class_name[begin[second]]
-    near = _overlap(tracks.box_xyxy[end[first]], tracks.box_xyxy[begin[second]]) >= _SAME_BOX
+    near = iou(tracks.box_xyxy[end[first]], tracks.box_xyxy[begin[second]]) >= _SAME_BOX
     keep = same & near & (first != second)
     return np.column_stack([first[keep], second[keep]])
-
-
-def _overlap(a: Float[np.ndarray, "n 4"], b: Float[np.ndarray, "n 4"]) -> Float[np.ndarray, "n"]:
-    """Intersection over union; 0 where a box is not known."""
-    side = np.maximum(np.minimum(a[:, 2:], b[:, 2:]) - np.maximum(a[:, :2], b[:, :2]), 0)
-    both = side.prod(axis=1)
-    union = sum((box[:, 2:] - box[:, :2]).prod(axis=1) for box in (a, b)) - both
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return np.nan_to_num(both / union)

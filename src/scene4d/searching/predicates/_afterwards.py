@@ -31,6 +31,7 @@ from jaxtyping import Float, Int
 from scipy.special import ndtr
 
 from scene4d.core.body import PERSON_HEIGHT_M
+from scene4d.core.boxes import covered
 from scene4d.searching.predicates.stage import Stage
 
 # Chosen by hand before any footage was searched with them, except where it is said.
@@ -233,12 +234,3 @@ def _ways() -> tuple[Float[np.ndarray, "s w 2"], Float[np.ndarray, "w"]]:
             ways.append(np.maximum(time_s - wait_s, 0.0) * speed_mps * unit)
             shares.append(np.full(_DIRECTIONS, share / (len(_SPEEDS_MPS) * _DIRECTIONS)))
     return np.concatenate(ways, axis=1), np.concatenate(shares)
-
-
-def covered(
-    box: Float[np.ndarray, "*n 4"], by: Float[np.ndarray, "*m 4"]
-) -> Float[np.ndarray, "*k"]:
-    """Share of boxes that others cover; their leading axes broadcast."""
-    low, high = np.maximum(box[..., :2], by[..., :2]), np.minimum(box[..., 2:], by[..., 2:])
-    both = np.clip(high - low, 0.0, None).prod(axis=-1)
-    return np.asarray(both / np.maximum((box[..., 2:] - box[..., :2]).prod(axis=-1), 1e-9))
