@@ -1,6 +1,6 @@
 """What each part of the method is worth: error with one thing changed at a time.
 
-    python benchmarks/ablation.py [--data DIR] [--write]
+    python -m benchmarks.ablation [--data DIR] [--write]
 
 DIR holds pets2009/, towncentre/ and meva/ (by default $SCENE4D_DATA or ../shared/data). With
 --write the tables replace what stands between the markers in docs/ablation.md.
@@ -9,8 +9,6 @@ DIR holds pets2009/, towncentre/ and meva/ (by default $SCENE4D_DATA or ../share
 import argparse
 import contextlib
 import os
-import tarfile
-import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -19,6 +17,7 @@ from unittest import mock
 
 import numpy as np
 
+from benchmarks.recordings import Recording, meva
 from scene4d.calibration import _body as body
 from scene4d.calibration import _joint as joint
 from scene4d.calibration import _prior as prior
@@ -33,7 +32,6 @@ from scene4d.core.people import Detections, Segments
 from scene4d.core.progress import Silent
 from scene4d.evaluation import Reference, correspondence_error, pets, spread_points, towncentre
 from scene4d.formats.annotations import read_annotations
-from scene4d.formats.cameras import read_camera
 from scene4d.video.frames import Frame, Source, Timeline
 from scene4d.video.reader import open_source
 
@@ -41,7 +39,8 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "ablation.md"
 BEGIN, END = "<!-- ablation: begin -->", "<!-- ablation: end -->"
 MEVA_CAMERAS = ("G328", "G341", "G424", "G506")
-MEVA_CLIPS, MEVA_FPS, MEVA_STEP = 12, 30.0, 15
+DRAWN = 100
+"""Cameras drawn from what is known of a true one."""
 THIRDS, THIRD_STEP = 3, 4
 COUNTS = (1, 2, 5, 20, 100)
 DRAWS = {1: 12, 2: 12, 5: 8, 20: 4, 100: 2}
@@ -49,7 +48,9 @@ DRAWS = {1: 12, 2: 12, 5: 8, 20: 4, 100: 2}
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """People of one camera; ``score`` gives the rms error and the predicted one in metres."""
+    """People of one camera; ``score`` gives the rms error and the predicted one in metres,
+    ``true_to_m`` is the error that the true camera itself may have.
+    """
 
     name: str
     segments: Segments
@@ -57,6 +58,7 @@ class Case:
     score: Callable[[Calibration], tuple[float, float | None]]
     lens: Lens | None = None
     edges: np.ndarray | None = None
+    true_to_m: float | None = None
 
     def solve(self, **changed: object) -> Calibration:
         options = CalibrateOptions(orientation="people", lens=self.lens, **changed)
@@ -171,55 +173,53 @@ def annotated(path: Path, reference: Reference) -> Detections:
         return read_annotations(path, image_size=reference.image_size, drop_invalid=True)
 
 
-def meva(data: Path, scratch: Path) -> list[Case]:
-    """Boxes of labelled actors, lens given. The ground's height is not known: no scale."""
-    with tarfile.open(data / "annotations.tar.xz") as archive:
-        archive.extractall(scratch, filter="data")
-    cases = []
-    for name in MEVA_CAMERAS:
-        camera = read_camera(data / "cameras" / f"{name}.krtd")
-        assert isinstance(camera, Camera)
-        parts = []
-        for file in sorted(scratch.rglob(f"*{name}*.geom.yml"))[:MEVA_CLIPS]:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                part = read_annotations(
-                    file,
-                    image_size=camera.image_size,
-                    fps=MEVA_FPS,
-                    classes=["person"],
-                    drop_invalid=True,
-                )
-            part = part.select(part.frame % MEVA_STEP == 0)
-            parts.append(replace(part, track=part.track + 1_000_000 * len(parts)))
-        segments = person_segments(Detections.concatenate(parts))
-        feet = segments.foot_uv
-        cases.append(
-            Case(
-                f"MEVA {name}",
-                segments,
-                camera.image_size,
-                lambda found, true=camera, uv=feet: error_without_scale(found.camera, true, uv),
-                camera.lens,
-            )
+def boxes_of_actors(name: str, data: Path) -> Case:
+    """Boxes of labelled actors of MEVA, the lens given."""
+    recording, read = meva(name, data)
+    segments, true = person_segments(read().detections), recording.camera
+    known = true_to_m(recording, segments.foot_uv)
+    return Case(
+        f"{recording.name}, true to {known:.1f} m",
+        segments,
+        true.image_size,
+        lambda found: (error_without_scale(found.camera, true, segments.foot_uv), None),
+        true.lens,
+        true_to_m=known,
+    )
+
+
+def true_to_m(recording: Recording, feet_uv: np.ndarray) -> float:
+    """Rms error (m) of cameras that are drawn from what is known of the true one."""
+    rng, true, errors = np.random.default_rng(0), recording.camera, []
+    for _, tilt, roll, log_height in rng.normal(0, recording.truth_sigma, (DRAWN, 4)):
+        drawn = Camera.from_pose(
+            image_size=true.image_size,
+            focal_px=true.focal_px,
+            tilt_rad=true.tilt_rad + tilt,
+            roll_rad=true.roll_rad + roll,
+            height_m=true.height_m * np.exp(log_height),
+            distortion=true.distortion,
+            centre_uv=tuple(true.K[:2, 2]),
         )
-    return cases
+        errors.append(error_without_scale(drawn, true, feet_uv))
+    return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def error_without_scale(
-    found: Camera, true: Camera, feet_uv: np.ndarray
-) -> tuple[float, float | None]:
-    """Rms correspondence error (m) after alignment with scale (Umeyama 1991), at true scale."""
+def error_without_scale(found: Camera, true: Camera, feet_uv: np.ndarray) -> float:
+    """Rms correspondence error (m) after alignment with scale (Umeyama 1991), at true scale.
+
+    Points are those within 100 m that both cameras see on the ground.
+    """
     there, on_ground = true.locate(feet_uv)
-    near = on_ground & (np.hypot(*(there - true.centre_m[:2]).T) < 100)
+    here, also = found.locate(feet_uv)
+    near = on_ground & also & (np.hypot(*(there - true.centre_m[:2]).T) < 100)
     rows = np.flatnonzero(near)[spread_points(there[near])]
-    here = found.locate(feet_uv[rows])[0]
-    centred = here - here.mean(axis=0)
+    centred = here[rows] - here[rows].mean(axis=0)
     target = there[rows] - there[rows].mean(axis=0)
     U, S, Vt = np.linalg.svd(centred.T @ target)
     S[-1] *= np.sign(np.linalg.det(U @ Vt))
     scale = S.sum() / (centred**2).sum()
-    return correspondence_error(scale * here, there[rows]).rms_m, None
+    return correspondence_error(scale * here[rows], there[rows]).rms_m
 
 
 # --- the tables ----------------------------------------------------------------------------------
@@ -235,7 +235,9 @@ def cell(case: Case, found: Calibration | None) -> str:
 
 
 def parts(cases: list[Case]) -> str:
-    """A line per case, a column per variant; last, mean ratios (geometric) to the first."""
+    """A line per case, a column per variant; last, mean ratios (geometric) to the first, over the
+    cases whose true camera is known.
+    """
     found = [[variant.solve(case) for variant in VARIANTS] for case in cases]
     rows = [["people", *(variant.name for variant in VARIANTS)], ["---"] * (len(VARIANTS) + 1)]
     for case, results in zip(cases, found, strict=True):
@@ -244,6 +246,7 @@ def parts(cases: list[Case]) -> str:
         [
             [case.score(result)[0] if result else np.nan for result in results]
             for case, results in zip(cases, found, strict=True)
+            if case.true_to_m is None
         ]
     )
     ratio = np.exp(np.nanmean(np.log(errors / errors[:, :1]), axis=0))
@@ -328,7 +331,7 @@ def markdown(rows: list[list[str]]) -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in rows)
 
 
-def tables(data: Path, scratch: Path) -> str:
+def tables(data: Path) -> str:
     park, street = pets(data / "pets2009"), towncentre(data / "towncentre")
     video = data / "pets2009" / "vtest.avi"
     with open_source(video) as source:
@@ -370,7 +373,7 @@ def tables(data: Path, scratch: Path) -> str:
     return "\n\n".join(
         [
             "### One part at a time",
-            parts([*keypoints, *boxes, *meva(data / "meva", scratch)]),
+            parts([*keypoints, *boxes, *(boxes_of_actors(name, data) for name in MEVA_CAMERAS)]),
             "### Keypoints against boxes",
             points(same_people),
             "### Number of frames (PETS video)",
@@ -385,8 +388,7 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path(folder))
     parser.add_argument("--write", action="store_true", help="put the tables into docs/ablation.md")
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch:
-        text = tables(arguments.data, Path(scratch))
+    text = tables(arguments.data)
     print(text)
     if arguments.write:
         before, rest = PAGE.read_text().split(BEGIN)
