@@ -61,7 +61,7 @@ def same(a, b) -> None:
 
 
 def numbers(pairs) -> tuple:
-    return pairs.true_m, pairs.estimated_m, pairs.sigma_m
+    return pairs.true_m, pairs.estimated_m, pairs.sigma_m, pairs.placed_m
 
 
 @pytest.mark.parametrize("truth", [CAMERA, map_of(STRAIGHT)])
@@ -72,6 +72,25 @@ def test_the_truth_is_no_error(truth):
     assert error.mean_m == pytest.approx(0, abs=1e-6)
     pairs = known(truth).near(found(camera))
     np.testing.assert_allclose(pairs.estimated_m, pairs.true_m, atol=1e-6)
+    np.testing.assert_allclose(pairs.placed_m, pairs.true_m, atol=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.7, 1.4])
+def test_a_wrong_scale_costs_area_under_the_curve(share):
+    """Within one scene every distance grows alike, and the order stays; true places show it."""
+    scaled = replace(CAMERA, t=-CAMERA.R @ (CAMERA.centre_m * [1, 1, share]))
+    scene = known(uv=feet(400), vehicle_uv=VEHICLES)
+    pairs = scene.near(found(scaled))
+    np.testing.assert_allclose(pairs.estimated_m, share * pairs.true_m)
+    assert replace(pairs, placed_m=None).auc == 1
+    assert 0.7 < pairs.auc < 0.995
+
+    here, there = (ground(c, scene.points_uv) for c in (scaled, CAMERA))
+    R, t = rigid_fit(here, there)
+    people = ground(scaled, scene.judged[0].person_uv) @ R.T + t
+    np.testing.assert_allclose(pairs.placed_m, cdist(people, ground(CAMERA, VEHICLES)).ravel())
+    half = pairs.select(pairs.true_m < 10)
+    np.testing.assert_array_equal(half.placed_m, pairs.placed_m[pairs.true_m < 10])
 
 
 def test_the_score_is_the_distance_after_a_rigid_motion():

@@ -1,6 +1,6 @@
 """What is known to be true of a recording: its ground, and where people walked."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
+from scene4d.core.geometry import rigid_fit
 from scene4d.core.ground_map import GroundMap
 from scene4d.evaluation.measures._correspondence import (
     POINTS,
@@ -152,13 +153,26 @@ class Reference:
         """
         self._same_size(found.image_size)
         met, true_m = self.judged
-        return near_pairs(
-            found,
-            self._calibrated_uv(met.person_uv, undistorted),
-            self._calibrated_uv(met.vehicle_uv, undistorted),
-            met.rows,
-            true_m,
-        )
+        person_uv = self._calibrated_uv(met.person_uv, undistorted)
+        vehicle_uv = self._calibrated_uv(met.vehicle_uv, undistorted)
+        pairs = near_pairs(found, person_uv, vehicle_uv, met.rows, true_m)
+        return replace(pairs, placed_m=self._placed_m(found, person_uv, undistorted))
+
+    def _placed_m(
+        self, found: Calibration, person_uv: Float[np.ndarray, "n 2"], undistorted: bool
+    ) -> Float[np.ndarray, "p"] | None:
+        """Distances of the pairs with people by the aligned calibration and vehicles where they
+        truly are; None where too few correspondence points are on its ground.
+        """
+        here, _, seen = found.ground_jacobian(self._calibrated_uv(self.points_uv, undistorted))
+        if seen.sum() < 2:
+            return None
+        R, t = rigid_fit(here[seen], self.locate(self.points_uv)[0][seen])
+        met, _ = self.judged
+        i, j = met.rows.T
+        people = found.ground_jacobian(person_uv)[0] @ R.T + t
+        apart: np.ndarray = np.hypot(*(people[i] - self.locate(met.vehicle_uv)[0][j]).T)
+        return np.where(np.isnan(apart), np.inf, apart)
 
     @cached_property
     def judged(self) -> tuple[Meetings, Float[np.ndarray, "p"]]:

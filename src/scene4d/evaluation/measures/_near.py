@@ -17,18 +17,30 @@ class NearPairs:
     deviation that the calibration predicts for the estimated distance.
 
     The estimated distance is infinite where the estimated camera sees an end above its horizon.
+    ``placed_m`` is how far the person, on the estimated ground aligned with the true one, is from
+    the place's true position: there a wrong scale shows, which distances within one scene hide.
     """
 
     true_m: Float[np.ndarray, "p"]
     estimated_m: Float[np.ndarray, "p"]
     sigma_m: Float[np.ndarray, "p"]
     tau_m: float = NEAR_TAU_M
+    placed_m: Float[np.ndarray, "p"] | None = None
 
     def select(self, rows: Bool[np.ndarray, "p"]) -> "NearPairs":
         """Some of the pairs."""
+        placed_m = None if self.placed_m is None else self.placed_m[rows]
         return NearPairs(
-            self.true_m[rows], self.estimated_m[rows], self.sigma_m[rows], tau_m=self.tau_m
+            self.true_m[rows], self.estimated_m[rows], self.sigma_m[rows], self.tau_m, placed_m
         )
+
+    @property
+    def ranked_m(self) -> Float[np.ndarray, "p"]:
+        """The distance by which an ROC curve ranks the pairs: ``placed_m`` where it is known.
+
+        Pairs are ranked by distance, so that far pairs, whose P(near) underflows, stay in order.
+        """
+        return self.estimated_m if self.placed_m is None else self.placed_m
 
     @property
     def positive(self) -> Bool[np.ndarray, "p"]:
@@ -37,11 +49,8 @@ class NearPairs:
 
     @property
     def auc(self) -> float | None:
-        """Area under the ROC curve; None where all pairs are near, or none.
-
-        Pairs are ranked by distance, so that far pairs, whose P(near) underflows, stay in order.
-        """
-        return _auc(-self.estimated_m, self.positive)
+        """Area under the ROC curve; None where all pairs are near, or none."""
+        return _auc(-self.ranked_m, self.positive)
 
     def readings(self) -> dict[str, Float[np.ndarray, "p"]]:
         """Three probabilities of being near.

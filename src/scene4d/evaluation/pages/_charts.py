@@ -137,13 +137,13 @@ def _turning(share: Float[np.ndarray, "k"]) -> Bool[np.ndarray, "k"]:
 
 def roc_curves(evaluation: Evaluation, shown: Headline) -> list[tuple[float, Roc]]:
     """Heights of people and ROC curves of a headline's line: at the paper's heights, or at all its
-    heights where it has none of those; ranked by distance, as :attr:`.NearPairs.auc`.
+    heights where it has none of those; as :attr:`.NearPairs.auc`.
     """
     scored = [(o.person_height_m, o.score) for o in evaluation.of(shown.setting)]
     held = [(h, score.near) for h, score in scored if score and score.near.auc is not None]
     papers = [(h, pairs) for h, pairs in held if h in PAPER_HEIGHTS_M]
     ordered = sorted(papers or held, key=lambda one: one[0])
-    return [(h, roc_curve(-pairs.estimated_m, pairs.positive)) for h, pairs in ordered]
+    return [(h, roc_curve(-pairs.ranked_m, pairs.positive)) for h, pairs in ordered]
 
 
 def auc_text(auc: float) -> str:

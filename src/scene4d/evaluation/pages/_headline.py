@@ -18,7 +18,7 @@ _LOOKS = {"paper": ("#D55E00", "X"), "joint": ("#0072B2", "o")}
 _OTHER = ("#009E73", "D")
 RULE = (
     "For each method the figures show one line of the table: for the paper’s method the first that "
-    "is given the true orientation, at 1.7018 m as in its ROC figure; for the joint method the "
+    "is given what the network reads, at 1.7018 m as in its ROC figure; for the joint method the "
     "first that is given nothing, at 1.70 m; where these have no result, the first line of the "
     "method that has one. Circular lines are never shown. The rule does not look at the scores."
 )

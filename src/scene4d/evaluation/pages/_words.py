@@ -127,7 +127,8 @@ def _near_figures(shown: tuple[Headline, ...]) -> str:
             "plain probability of being this near."
         )
     return (
-        f"{text} AUC depends only on the order of distances; a wrong scale does not change it. "
+        f"{text} AUC ranks people on the aligned ground by their distance from the true places, so "
+        "that a wrong scale counts. "
         "All pairs share one camera's errors, so a Brier score (0 is perfect) is a single draw."
     )
 

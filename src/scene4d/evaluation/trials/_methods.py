@@ -82,7 +82,8 @@ def trials(given: Input, truth: Orientation | None) -> Iterator[Trial]:
 
 def _paper_trials(footage: str, given: Input, truth: Orientation | None) -> Iterator[Trial]:
     """The paper's method on boxes: given the true orientation, shorter focal lengths, and the
-    network's reading of the pictures as they are and, as published, of undistorted ones.
+    network's reading of the pictures as they are (the headline, where there are pictures) and, as
+    published, of undistorted ones.
     """
 
     def setting(told: str, *, headline: bool = False) -> Setting:
@@ -90,14 +91,14 @@ def _paper_trials(footage: str, given: Input, truth: Orientation | None) -> Iter
 
     seen = given.seen
     if truth is not None:
-        told = setting("true f, tilt, roll", headline=True)
+        told = setting("true f, tilt, roll")
         yield Trial(told, seen, has_lens=True, orientation=truth)
         for share in _SHORT_FOCAL:
             wide = replace(truth, focal_px=share * truth.focal_px)
             told = setting(f"{share:.2f} f, tilt, roll")
             yield Trial(told, seen, has_lens=True, orientation=wide)
     if seen.reading is not None:
-        yield Trial(setting("network"), seen, orientation="network")
+        yield Trial(setting("network", headline=True), seen, orientation="network")
     if given.straightened is not None:
         yield Trial(
             setting("distortion, network"),
