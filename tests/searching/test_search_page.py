@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import finding_scenes as scenes
+from scene4d.core.calibration import Calibration
 from scene4d.core.tracks import Tracks
 from scene4d.searching import SearchOptions, understand
 from scene4d.searching._places import Place, Places
@@ -30,6 +31,8 @@ from scene4d.searching.pages._clip import (
 from scene4d.searching.pages._footage import NoFootage
 from scene4d.searching.pages._page import search_html
 from scene4d.searching.pages._plan import plan_svg
+from scene4d.searching.pages._rings import Ring, Rings
+from scene4d.searching.predicates import NEAR_TAU_M
 from scene4d.searching.result import FoundEvent, SearchResult, why_groups
 from scene4d.store.query import Scene
 
@@ -114,6 +117,46 @@ def test_boxes_are_drawn_where_they_are():
     low, high = changed.min(axis=0), changed.max(axis=0)
     np.testing.assert_allclose(low, [30 * scale, 50 * scale], atol=4)
     np.testing.assert_allclose(high, [110 * scale, 100 * scale], atol=4)
+
+
+def test_the_ring_is_where_the_camera_sees_what_is_near(scene):
+    """Every point of it projects from τ metres around the vehicle; those inside have P above ½."""
+    calibration = Calibration.load(scene.camera_file(scene.runs[0].camera))
+    activity = understand(scene, "person enters vehicle", SearchOptions()).query.activity
+    one = found(scene)
+    rings = Rings(one, activity, calibration)
+    (ring,) = rings.at(80)
+    assert ring.role == "vehicle"
+    rows = one.around.select(one.around.frame == 80)
+    at = dict(zip(rows.track.tolist(), rows.xy_m, strict=True))
+    seen = np.isfinite(ring.outline_uv).all(axis=1)
+    assert seen.any()
+    xy = calibration.camera.locate(ring.outline_uv[seen])[0]
+    np.testing.assert_allclose(np.hypot(*(xy - at[scenes.PARKED]).T), NEAR_TAU_M, rtol=1e-6)
+    feet = calibration.camera.locate(ring.feet_uv)[0]
+    apart = np.hypot(*(feet - at[scenes.PARKED]).T)
+    person = np.hypot(*(at[scenes.PERSON] - at[scenes.PARKED]))
+    assert np.isclose(apart, person).any()
+    np.testing.assert_array_equal(ring.probability > 0.5, apart < NEAR_TAU_M)
+    assert list(rings.at(10**6)) == []
+    away = replace(activity, phases=())
+    assert list(Rings(one, away, calibration).at(80)) == []
+
+
+def test_rings_and_their_numbers_are_drawn():
+    image = np.full((480, 640, 3), 90, np.uint8)
+    angle = np.linspace(0, 2 * np.pi, 50)
+    outline = np.stack([200 + 60 * np.cos(angle), 150 + 30 * np.sin(angle)], axis=1)
+    outline[:5] = np.nan
+    ring = Ring("person", outline, np.array([[190.0, 140.0]]), np.array([0.75]))
+    region, boxes = (100, 90, 300, 210), {"person": None}
+    plain, drawn = (cut_out(image, region, boxes, rings) for rings in ((), (ring,)))
+    changed = np.argwhere((drawn != plain).any(axis=2))
+    low, high = changed.min(axis=0), changed.max(axis=0)
+    np.testing.assert_allclose(low, [60, 80], atol=4)
+    np.testing.assert_allclose(high, [180, 320], atol=6)
+    bare = cut_out(image, region, boxes, [replace(ring, probability=np.array([np.nan]))])
+    assert (bare != drawn).any(axis=2).sum() > 50
 
 
 def test_the_clip_decodes_to_what_went_in():

@@ -12,6 +12,7 @@ from jaxtyping import Float, Int
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.searching.pages._clip import Clip, Crop, crop_region, cut_out
+from scene4d.searching.pages._rings import Rings
 from scene4d.searching.result import FoundEvent, SearchResult
 from scene4d.store.runs import Run
 
@@ -50,8 +51,10 @@ def clips_of(result: SearchResult) -> list[Clip | NoFootage]:
         if isinstance(place, NoFootage):
             clips |= dict.fromkeys(numbers, place)
         else:
-            size = Calibration.load(result.asked.scene.camera_file(run.camera)).image_size
-            clips |= zip(numbers, _cut(place, events, size), strict=True)
+            known = Calibration.load(result.asked.scene.camera_file(run.camera))
+            rings = [Rings(found, result.asked.query.activity, known) for found in events]
+            made = _cut(place, events, rings, known.image_size)
+            clips |= zip(numbers, made, strict=True)
     return [clips[number] for number in range(len(result.shown))]
 
 
@@ -96,7 +99,10 @@ def _in(given: Path, name: str, *, annotated: bool) -> Path | NoFootage:
 
 
 def _cut(
-    place: Path, events: Sequence[FoundEvent], image_size: tuple[int, int]
+    place: Path,
+    events: Sequence[FoundEvent],
+    rings: Sequence[Rings],
+    image_size: tuple[int, int],
 ) -> list[Clip | NoFootage]:
     """The clips of one video's events, in one go through it."""
     from scene4d.video.reader import open_source
@@ -107,12 +113,14 @@ def _cut(
             if source.image_size != image_size:
                 (w, h), (cw, ch) = source.image_size, image_size
                 raise InputError(f"{place.name} is {w}x{h}, but the camera was {cw}x{ch}")
-            return _clips(source, events)
+            return _clips(source, events, rings)
         except InputError as error:
             return [NoFootage(f"The footage cannot be shown: {error}.")] * len(events)
 
 
-def _clips(source: "Source", events: Sequence[FoundEvent]) -> list[Clip | NoFootage]:
+def _clips(
+    source: "Source", events: Sequence[FoundEvent], rings: Sequence[Rings]
+) -> list[Clip | NoFootage]:
     fps = source.fps or _CLIP_HZ
     wanted = [_frames(found, fps, source.frame_count or 0) for found in events]
     regions = [crop_region(found.around, found.event, source.image_size) for found in events]
@@ -122,7 +130,8 @@ def _clips(source: "Source", events: Sequence[FoundEvent]) -> list[Clip | NoFoot
         for number, found in enumerate(events):
             region = regions[number]
             if region is not None and frame.index in wanted[number]:
-                picture = cut_out(frame.image_bgr, region, _boxes(found, frame.index))
+                boxes, near = _boxes(found, frame.index), rings[number].at(frame.index)
+                picture = cut_out(frame.image_bgr, region, boxes, near)
                 crops[number].append(Crop((frame.index - found.begin_frame) / fps, picture))
     return [_clip(part, frames, fps) for part, frames in zip(crops, wanted, strict=True)]
 
