@@ -44,6 +44,10 @@ def walk(n: int, *, seed: int = 0, objects: int = 7, keypoints: int = 3, start_s
         score=np.where(observed, rng.random(n), np.nan),
         observed=observed,
         existence_probability=rng.random(n),
+        z_m=rng.choice([0.0, 0.6], n),
+        z_sigma_m=rng.random(n),
+        size_m=np.where(person[:, None], [np.nan, np.nan, 1.7], rng.uniform(1, 5, (n, 3))),
+        size_sigma_m=rng.random((n, 3)),
     )
 
 
@@ -89,6 +93,10 @@ def _shapes(k):
         "keypoint_score": (k,),
         "score": (),
         "existence_probability": (),
+        "z_m": (),
+        "z_sigma_m": (),
+        "size_m": (3,),
+        "size_sigma_m": (3,),
     }
 
 

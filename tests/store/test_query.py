@@ -463,7 +463,8 @@ def test_names_and_folders_that_mean_something_to_sql(tmp_path):
     assert scene.sql("SELECT count(*) AS n FROM scene")["n"].to_pylist() == [60]
 
 
-def test_runs_of_before_a_column_was_added_are_read_beside_new_ones(tmp_path, monkeypatch):
+@pytest.mark.parametrize("missing", [9, 8])
+def test_runs_of_before_columns_were_added_are_read_beside_new_ones(tmp_path, monkeypatch, missing):
     from scene4d.store import runs, schema
 
     whole = schema.COLUMNS
@@ -471,13 +472,14 @@ def test_runs_of_before_a_column_was_added_are_read_beside_new_ones(tmp_path, mo
     new = replace(walk(30), existence_probability=np.full(30, 0.9))
     with monkeypatch.context() as before:
         for module in (runs, schema):
-            before.setattr(module, "COLUMNS", whole[:-1])
+            before.setattr(module, "COLUMNS", whole[:-missing])
         store(tmp_path, old, run="old")
     only = Scene.open(tmp_path).tracks()
-    assert np.isnan(only.existence_probability).all()
+    assert np.isnan(only.existence_probability).all() == (missing == 9)
+    assert np.isnan(only.z_m).all() and np.isnan(only.size_m).all()
     store(tmp_path, new, run="new")
     both = Scene.open(tmp_path)
-    assert both.sql("SELECT count(existence_probability) AS n FROM scene")["n"].to_pylist() == [30]
+    assert both.sql("SELECT count(z_m) AS n FROM scene")["n"].to_pylist() == [30]
     found = both.only("new").tracks()
     assert (found.existence_probability == 0.9).all()
     assert len(both.tracks()) == 60

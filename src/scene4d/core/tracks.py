@@ -27,6 +27,10 @@ class Located(Columns):
     error. All NaN where a row has no ground point. ``heading_rad`` is from +X to +Y, NaN where the
     image does not show it; ``heading_sigma_rad`` is its standard deviation, and
     ``heading_is_axis`` is true where front and back cannot be distinguished.
+
+    What a row alone shows of the logarithms of length, width and height (metres), in information
+    form: the inverse of their covariance, and its product with the values. Zero along what it does
+    not show, as for all of a person but the height.
     """
 
     xy_m: Float[np.ndarray, "n 2"]
@@ -34,6 +38,8 @@ class Located(Columns):
     heading_rad: Float[np.ndarray, "n"]
     heading_sigma_rad: Float[np.ndarray, "n"]
     heading_is_axis: Bool[np.ndarray, "n"]
+    size_pull: Float[np.ndarray, "n 3"]
+    size_information: Float[np.ndarray, "n 3 3"]
 
     @classmethod
     def nowhere(cls, n: int) -> "Located":
@@ -44,6 +50,8 @@ class Located(Columns):
             np.full(n, np.nan),
             np.full(n, np.nan),
             np.zeros(n, bool),
+            np.zeros((n, 3)),
+            np.zeros((n, 3, 3)),
         )
 
     @property
@@ -74,6 +82,11 @@ class Tracks(Columns):
     the row bridges a gap, and its box and score are NaN. Positions are NaN where a detection has no
     ground point. ``existence_probability`` is that of the whole track: that it shows an object of
     its kind and not a mistake of the detector; NaN where unknown (the default).
+
+    ``z_m`` is the height of the ground under the object and ``z_sigma_m`` its standard deviation.
+    ``size_m`` is length, width and height of the whole track as known when a row became final, with
+    standard deviations that include the camera's error; people have only a height. All four are NaN
+    where unknown (the default).
     """
 
     track: Int[np.ndarray, "n"]
@@ -93,10 +106,16 @@ class Tracks(Columns):
     score: Float[np.ndarray, "n"]
     observed: Bool[np.ndarray, "n"]
     existence_probability: Float[np.ndarray, "n"] = None  # type: ignore[assignment]
+    z_m: Float[np.ndarray, "n"] = None  # type: ignore[assignment]
+    z_sigma_m: Float[np.ndarray, "n"] = None  # type: ignore[assignment]
+    size_m: Float[np.ndarray, "n 3"] = None  # type: ignore[assignment]
+    size_sigma_m: Float[np.ndarray, "n 3"] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        if self.existence_probability is None:
-            object.__setattr__(self, "existence_probability", np.full(len(self.track), np.nan))
+        for name in ("existence_probability", "z_m", "z_sigma_m", "size_m", "size_sigma_m"):
+            if getattr(self, name) is None:
+                shape = (len(self.track), 3) if "size" in name else (len(self.track),)
+                object.__setattr__(self, name, np.full(shape, np.nan))
         self.check_rows("tracks")
 
     @property
@@ -120,7 +139,11 @@ class Tracks(Columns):
         flat |= {"heading_rad": self.heading_rad, "heading_sigma_rad": self.heading_sigma_rad}
         flat |= zip(("x1", "y1", "x2", "y2"), self.box_xyxy.T, strict=True)
         flat |= {"score": self.score, "observed": self.observed}
-        return flat | {"existence_probability": self.existence_probability}
+        flat |= {"existence_probability": self.existence_probability}
+        flat |= {"z_m": self.z_m, "z_sigma_m": self.z_sigma_m}
+        flat |= zip(("length_m", "width_m", "height_m"), self.size_m.T, strict=True)
+        sigmas = ("length_sigma_m", "width_sigma_m", "height_sigma_m")
+        return flat | dict(zip(sigmas, self.size_sigma_m.T, strict=True))
 
     def to_pandas(self) -> Any:
         """The columns as a pandas DataFrame; needs pandas."""

@@ -70,12 +70,21 @@ COLUMNS: tuple[Column, ...] = (
     Column("score", "float64", "0 to 1"),
     Column("observed", "bool", "", nullable=False),
     Column("existence_probability", "float64", "0 to 1"),
+    Column("z_m", "float64", "m"),
+    Column("z_sigma_m", "float64", "m"),
+    Column("length_m", "float64", "m"),
+    Column("width_m", "float64", "m"),
+    Column("height_m", "float64", "m"),
+    Column("length_sigma_m", "float64", "m"),
+    Column("width_sigma_m", "float64", "m"),
+    Column("height_sigma_m", "float64", "m"),
 )
 """The columns of a scene, in order. ``var_`` is the independent part of a covariance, ``shared_``
 the part due to calibration error, common to all rows. ``time`` is UTC, counted from 1970-01-01 if
 the footage's start is unknown. Positions are on the ground in the camera's metres, Z up.
-``existence_probability`` is a track's, as known when the row became final. New columns come last
-and can be null: runs written without them are read as if they were null."""
+``existence_probability`` and the sizes are a track's, as known when the row became final; ``z_m``
+is the height of the ground under it, so that its centroid is at ``z_m + height_m / 2``. New columns
+come last and can be null: runs written without them are read as if they were null."""
 COLUMN_NAMES: tuple[str, ...] = tuple(column.name for column in COLUMNS)
 KEYPOINT_COLUMNS: tuple[str, ...] = ("keypoint_u", "keypoint_v", "keypoint_score")
 
@@ -132,8 +141,9 @@ def to_table(tracks: Tracks, *, camera: str, start_ns: int, track_base: int) -> 
         "frame": Array.from_numpy(tracks.frame.astype(np.int64)),
         "observed": Array.from_numpy(np.ascontiguousarray(tracks.observed)),
     }
-    for name, values in _floats(tracks).items():
-        columns[name] = nulls.put(np.ascontiguousarray(values, np.float64))
+    flat = tracks.columns()
+    for name in (c.name for c in COLUMNS if c.type == "float64"):
+        columns[name] = nulls.put(np.ascontiguousarray(flat[name], np.float64))
     columns |= _keypoints(tracks)
     # Types by cast: NumPy has neither time zones nor dictionaries.
     typed = {c.name: columns[c.name].cast(_arrow_type(c)) for c in COLUMNS}
@@ -224,6 +234,10 @@ def from_table(table: Table, rows: Int[np.ndarray, "m"] | None = None) -> Tracks
         score=columns("score")[:, 0],
         observed=column("observed"),
         existence_probability=columns("existence_probability")[:, 0],
+        z_m=columns("z_m")[:, 0],
+        z_sigma_m=columns("z_sigma_m")[:, 0],
+        size_m=columns("length_m", "width_m", "height_m"),
+        size_sigma_m=columns("length_sigma_m", "width_sigma_m", "height_sigma_m"),
     )
 
 
@@ -237,27 +251,6 @@ def _class_names(table: Table, taken: Any) -> np.ndarray:
     place = np.zeros(len(CLASSES), np.intp)
     place[there] = np.arange(len(there))
     return np.array([CLASSES[one] for one in there.tolist()], dtype=str)[place[code]]
-
-
-def _floats(tracks: Tracks) -> dict[str, np.ndarray]:
-    columns = {
-        "time_s": tracks.time_s,
-        "heading_rad": tracks.heading_rad,
-        "heading_sigma_rad": tracks.heading_sigma_rad,
-        "score": tracks.score,
-        "existence_probability": tracks.existence_probability,
-    }
-    columns |= zip(("x_m", "y_m"), tracks.xy_m.T, strict=True)
-    columns |= zip(("vx_mps", "vy_mps"), tracks.velocity_mps.T, strict=True)
-    columns |= zip(("x1", "y1", "x2", "y2"), tracks.box_xyxy.T, strict=True)
-    for prefix, matrix in (
-        ("var_", tracks.covariance_m2),
-        ("shared_", tracks.shared_covariance_m2),
-        ("var_v", tracks.velocity_covariance),
-    ):
-        for name, (i, j) in (("xx", (0, 0)), ("xy", (0, 1)), ("yy", (1, 1))):
-            columns[prefix + name] = matrix[:, i, j]
-    return columns
 
 
 class _Nulls:

@@ -43,6 +43,8 @@ _CONTRADICTION = 4.0
 _DISAGREEMENT = 2.0
 """Ends farther apart than this (same measure) disagree; up to this limit their stated errors hold
 on PETS."""
+_SHORTEST_M = 0.3
+"""Who seems shorter is cut, or hidden."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,16 +104,45 @@ def explain_people(
     covariance = covariance + _either(lower, upper, xy, np.where(on_foot, 0.0, apart))
     heading, heading_sigma = body_headings(detections, camera, tall)
     known = use_lower | use_upper
+    pull, information = _shown_height(seen, lower, upper, tall, height_sigma_m)
     located = Located(
         xy_m=xy,
         covariance_m2=covariance + BODY_SIGMA_M**2 * np.eye(2),
         heading_rad=np.where(known, heading, np.nan),
         heading_sigma_rad=np.where(known, heading_sigma, np.nan),
         heading_is_axis=np.zeros(n, bool),
+        size_pull=pull,
+        size_information=information,
     )
     return Explained(
         located, np.where(use_lower, seen.below.by, ""), np.where(use_upper, seen.above.by, "")
     )
+
+
+def _shown_height(
+    seen: Seen,
+    lower: Placed,
+    upper: Placed,
+    tall: Float[np.ndarray, "n"],
+    sigma_m: float | Float[np.ndarray, "n"],
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3 3"]]:
+    """What both ends say of the height (:class:`.Located`): where the ray through the head is
+    nearest to the upright on the feet. By ``w`` it moves along the ground per metre of height.
+    """
+    d = seen.above_rays.direction
+    with np.errstate(all="ignore"):
+        w = d[:, :2] / d[:, 2:]
+        along = w / (w**2).sum(axis=1)[:, None]
+        height_m = tall + (along * (lower.xy_m - upper.xy_m)).sum(axis=1)
+        noise = lower.covariance_m2 + upper.covariance_m2 + BODY_SIGMA_M**2 * np.eye(2)
+        variance = np.einsum("ni,nij,nj->n", along, noise, along) - np.square(sigma_m)
+        told = height_m**2 / variance
+    told = np.where((height_m > _SHORTEST_M) & (variance > 0), told, 0.0)
+    pull, information = np.zeros((len(tall), 3)), np.zeros((len(tall), 3, 3))
+    information[:, 2, 2] = told
+    pull[:, 2] = told * np.log(np.maximum(height_m, _SHORTEST_M))
+    pull[told == 0] = 0.0
+    return pull, information
 
 
 def _apart(lower: Placed, upper: Placed) -> Float[np.ndarray, "n"]:

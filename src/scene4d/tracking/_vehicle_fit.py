@@ -52,7 +52,7 @@ class Bells:
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """One fit per vehicle and bell: (heading, x, y) with covariance, log dimensions, log weight.
+    """One fit per vehicle and bell: (heading, x, y), log dimensions, their covariances, log weight.
 
     ``cost`` is the misfit (two degrees of freedom where all edges are visible), ``range_m`` the
     distance from the camera; ``log_weight`` is -inf where the fitted vehicle is not in front of
@@ -62,6 +62,7 @@ class Fits:
     pose: Float[np.ndarray, "3 n m"]
     covariance: Float[np.ndarray, "3 3 n m"]
     log_size: Float[np.ndarray, "3 n m"]
+    size_covariance: Float[np.ndarray, "3 3 n m"]
     log_weight: Float[np.ndarray, "n m"]
     cost: Float[np.ndarray, "n m"]
     range_m: Float[np.ndarray, "n m"]
@@ -308,6 +309,7 @@ class _Fit:
             pose=state[_HEADING:],
             covariance=_trailing_covariance(lower),
             log_size=state[:3],
+            size_covariance=_leading_covariance(lower),
             log_weight=log_weight,
             cost=cost,
             range_m=self._range(state),
@@ -350,4 +352,14 @@ def _trailing_covariance(lower: np.ndarray) -> np.ndarray:
         unit = np.zeros_like(block[0])
         unit[j] = 1.0
         columns.append(solve(block, unit))
+    return np.stack(columns, axis=1)
+
+
+def _leading_covariance(lower: np.ndarray) -> np.ndarray:
+    """Covariance (3, 3, n, m) of the first three unknowns, the others marginalised."""
+    columns = []
+    for j in range(_HEADING):
+        unit = np.zeros_like(lower[0])
+        unit[j] = 1.0
+        columns.append(solve(lower, unit)[:_HEADING])
     return np.stack(columns, axis=1)

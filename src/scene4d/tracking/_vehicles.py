@@ -14,13 +14,13 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
-from scene4d.core.vehicle_shapes import SHAPES
+from scene4d.core.vehicle_shapes import SHAPES, VehicleShape
 from scene4d.tracking._vehicle_fit import Bells, Boxes, Fits, fit
 
 _BELLS = 8
 """Starting headings of the fit, 22.5 degrees apart over half a turn. Chosen by hand;
 ``python -m benchmarks.vehicle_positions`` measures the result, as for the errors below."""
-_BIAS_SHARE = 0.03
+BIAS_SHARE = 0.03
 """Error of a box edge that all frames share, as a share of the box's width or height: detector
 bias, and this vehicle's difference from a typical outline. Chosen by hand."""
 JITTER_SHARE = 0.02
@@ -72,7 +72,7 @@ def locate_vehicles(
     camera's image size differs or a heading comes without its spread.
     """
     boxes = _proper(detections.box_xyxy)
-    sigma = np.hypot(_box_noise(boxes, _BIAS_SHARE), _box_noise(boxes, JITTER_SHARE))
+    sigma = np.hypot(_box_noise(boxes, BIAS_SHARE), _box_noise(boxes, JITTER_SHARE))
     headings = _headings(len(detections), heading_rad, heading_sigma_rad)
     table = replace(detections, box_xyxy=boxes)
     return _locate(table, camera, sigma, *headings, bottom_hidden)
@@ -144,7 +144,7 @@ def _locate(
                 Boxes(box[part], sigma_px[part], seen[part]),
                 _bells(heading_rad[part], heading_sigma_rad[part]),
             )
-            found = found.put(mask, _moments(fits, np.isfinite(heading_rad[part])))
+            found = found.put(mask, _moments(fits, shape, np.isfinite(heading_rad[part])))
     return found
 
 
@@ -170,8 +170,10 @@ def _bells(heading_rad: np.ndarray, sigma_rad: np.ndarray) -> Bells:
     return Bells(np.where(known, heading_rad, 0.0)[:, None] + offset, width, log_weight)
 
 
-def _moments(fits: Fits, directed: np.ndarray) -> Located:
-    """Mean and covariance of the position over all headings, and of the heading itself."""
+def _moments(fits: Fits, shape: VehicleShape, directed: np.ndarray) -> Located:
+    """Mean and covariance of the position over all headings, of the heading itself, and what the
+    box says of the size.
+    """
     highest = fits.log_weight.max(axis=1, keepdims=True)
     possible = np.isfinite(highest[:, 0])
     with np.errstate(invalid="ignore"):
@@ -184,14 +186,40 @@ def _moments(fits: Fits, directed: np.ndarray) -> Located:
     covariance = within + np.einsum("nm,nmi,nmj->nij", weight, off, off)
     distance = (weight * fits.range_m).sum(axis=1)
     misfit = np.take_along_axis(fits.cost, fits.log_weight.argmax(axis=1)[:, None], axis=1)[:, 0]
-    covariance *= np.maximum(1.0, misfit / _LIKELY_MISFIT)[:, None, None]
+    unlike = np.maximum(1.0, misfit / _LIKELY_MISFIT)[:, None, None]
+    covariance *= unlike
     spread = np.sqrt(np.linalg.eigvalsh(covariance)[:, 1])
     bad = ~possible | ~(spread < _MOST_SPREAD * distance) | (misfit > _MOST_MISFIT)
     heading, sigma = _mean_heading(fits, weight, directed)
     flat = bad | ~(sigma < _MOST_HEADING_SIGMA)
     mean[bad], covariance[bad] = np.nan, np.nan
     heading[flat], sigma[flat] = np.nan, np.nan
-    return Located(mean, covariance, heading, sigma, ~directed)
+    pull, information = _size(fits, weight, shape)
+    pull = np.where(bad[:, None], 0.0, pull / unlike[:, 0])
+    information = np.where(bad[:, None, None], 0.0, information / unlike)
+    return Located(mean, covariance, heading, sigma, ~directed, pull, information)
+
+
+def _size(
+    fits: Fits, weight: np.ndarray, shape: VehicleShape
+) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3 3"]]:
+    """What the box says of log dimensions, over all headings: the pull towards them and its
+    information, the shape's prior taken off.
+    """
+    sizes = np.moveaxis(fits.log_size, 0, -1)
+    mean = (weight[..., None] * sizes).sum(axis=1)
+    off = sizes - mean[:, None]
+    covariance = np.einsum("nm,ijnm->nij", weight, fits.size_covariance)
+    covariance += np.einsum("nm,nmi,nmj->nij", weight, off, off)
+    # In units of the prior, whose information is then 1 along every axis.
+    to_unit = np.linalg.inv(np.linalg.cholesky(shape.log_covariance))
+    values, axes = np.linalg.eigh(to_unit @ covariance @ to_unit.T)
+    told = 1 / np.clip(values, 1e-6, 1.0) - 1
+    pull = np.einsum("nji,jk,nk->ni", axes, to_unit, mean) * (1 + told) * (told > 0)
+    basis = np.einsum("ji,njk->nik", to_unit, axes)
+    information = np.einsum("nik,nk,njk->nij", basis, told, basis)
+    typical = information @ np.log(shape.size_m)
+    return np.einsum("nik,nk->ni", basis, pull) + typical, information
 
 
 def _mean_heading(

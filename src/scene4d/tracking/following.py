@@ -20,9 +20,10 @@ from scene4d.tracking._doubles import Doubles
 from scene4d.tracking._fixed_lag import FixedLagSmoother
 from scene4d.tracking._levels import located_on_levels
 from scene4d.tracking._sightings import Sightings
+from scene4d.tracking._sizes import Sizes
 from scene4d.tracking._smoothing import Smoothed, SmoothingSettings, smooth
 from scene4d.tracking._vehicles import locate_vehicles
-from scene4d.tracking.placing import bottoms_hidden, place, shared_covariance
+from scene4d.tracking.placing import bottoms_hidden, ground_under, place, shared_covariance
 
 _MOTION_S = 10.0
 """A vehicle's rough heading rests on at most this much of what was seen before a look."""
@@ -91,6 +92,7 @@ class _Follower:
         self._timings = timings
         self._tracker = GroundTracker()
         self._doubles = Doubles()
+        self._sizes = Sizes(calibration, person_height_m)
         self._smoother = FixedLagSmoother()
         self._held: list[tuple[int, Detections, Located]] = []  # with the number of the first row
         self._rows = 0
@@ -138,6 +140,7 @@ class _Follower:
         with timed(self._timings, "place"):
             seen = _sightings(d, track, located)
             located = self._with_headings(d, seen, located, hidden)
+            self._sizes.add(d, track, located)
         return _sightings(d, track, located), located
 
     def _associate(self, look: Look, located: Located) -> Int[np.ndarray, "n"]:
@@ -205,6 +208,7 @@ class _Follower:
         self._headings = {t: seen for t, seen in self._headings.items() if seen[1] >= oldest}
         if self._belief is not None:
             self._belief.forget(oldest)
+        self._sizes.forget(oldest)
 
     def _tracks(self, final: Smoothed) -> Tracks:
         """Smoothed rows of the accepted tracks, with the detection behind each of them."""
@@ -218,6 +222,9 @@ class _Follower:
             found = _seen_at(final.source, self._held)
             with_camera = shared_covariance(self._calibration, final.xy_m)
             heading, sigma = self._all_headings(final, found)
+            z_m, z_sigma_m = ground_under(self._calibration, final.xy_m)
+            xyz_m = np.column_stack([final.xy_m, z_m])
+            size_m, size_sigma_m = self._sizes.of(final.track, final.class_name, xyz_m, heading)
         return Tracks(
             track=final.track,
             class_name=final.class_name,
@@ -236,6 +243,10 @@ class _Follower:
             score=found.score,
             observed=final.observed,
             existence_probability=real,
+            z_m=z_m,
+            z_sigma_m=z_sigma_m,
+            size_m=size_m,
+            size_sigma_m=size_sigma_m,
         )
 
     def _all_headings(self, final: Smoothed, found: "_Seen") -> tuple[np.ndarray, np.ndarray]:

@@ -92,3 +92,13 @@ def shared_covariance(
     rows[rows] = seen
     found[rows] = calibration.ground_covariance(uv[seen], from_camera=True)[0]
     return found
+
+
+def ground_under(
+    calibration: Calibration, xy_m: Float[np.ndarray, "n 2"]
+) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+    """Height of the ground at positions and its standard deviation; NaN without a position."""
+    uv, _ = calibration.ground_pixels(np.nan_to_num(xy_m))
+    placed = np.isfinite(xy_m).all(axis=1)
+    z_m, sigma_m = calibration.ground_height_m(uv)
+    return np.where(placed, z_m, np.nan), np.where(placed, sigma_m, np.nan)

@@ -4,8 +4,9 @@ Columns: ``camera``, ``track``, ``class``, ``time_utc`` (RFC 3339, empty where t
 unknown), ``time_s`` and ``frame`` of the clip, ``observed``; ``x_m``, ``y_m``; with a geo-anchor
 ``lon_deg``, ``lat_deg`` (WGS 84) and ``azimuth_deg`` (clockwise from north); the position's
 covariance, its independent and its shared part; velocity and its covariance; ``heading_rad`` (from
-+X to +Y) and its standard deviation; the box in pixels of the footage; ``score``; three columns for
-each keypoint. RFC 4180, UTF-8, lines end with a line feed.
++X to +Y) and its standard deviation; the box in pixels of the footage; ``score`` and
+``existence_probability``; ``z_m`` of the ground, and length, width and height of the object, with
+standard deviations; three columns for each keypoint. RFC 4180, UTF-8, lines end with a line feed.
 """
 
 from collections.abc import Iterator
@@ -66,6 +67,11 @@ def _columns(piece: SceneTable, tracks: Tracks) -> dict[str, Array]:
         columns[name] = column(tracks.box_xyxy[:, i], PIXELS)
     columns["score"] = column(tracks.score, SCORE)
     columns["existence_probability"] = column(tracks.existence_probability, SCORE)
+    columns["z_m"] = column(tracks.z_m, METRES)
+    columns["z_sigma_m"] = column(tracks.z_sigma_m, METRES)
+    for i, name in enumerate(("length", "width", "height")):
+        columns[f"{name}_m"] = column(tracks.size_m[:, i], METRES)
+        columns[f"{name}_sigma_m"] = column(tracks.size_sigma_m[:, i], METRES)
     for i, name in enumerate(piece.keypoint_names):
         columns[f"{name}_u_px"] = column(tracks.keypoint_uv[:, i, 0], PIXELS)
         columns[f"{name}_v_px"] = column(tracks.keypoint_uv[:, i, 1], PIXELS)

@@ -4,7 +4,8 @@ The geometry is a LineString through the track's positions, a Point where it sta
 position only, null where it has none. Properties: ``track``, ``class``, ``camera``; ``start`` and
 ``end`` (RFC 3339, null where the start of the clip is unknown), ``start_s`` and ``end_s``; ``rows``
 and ``observed_rows``; ``standing``; ``mean_speed_mps``, ``max_speed_mps``; ``sigma_m``, the
-root-mean-square error of its positions, the camera's own included. With a LineString also, one
+root-mean-square error of its positions, the camera's own included; ``length_m``, ``width_m`` and
+``height_m`` with ``length_sigma_m`` and so on, null where unknown. With a LineString also, one
 value for each of its points: ``times`` (null without a start), ``times_s``, ``speeds_mps``,
 ``sigmas_m``. Each feature is a line of the file. A track that crosses the 180th meridian is not
 cut as section 3.1.9 would like.
@@ -28,6 +29,7 @@ from scene4d.formats.scenes._values import (
     SPEED,
     json_numbers,
     sigma_m,
+    sizes,
     speed_mps,
     utc_text,
 )
@@ -102,6 +104,7 @@ def _properties(scene: SceneTable, track: Tracks, at: Tracks, standing: bool) ->
         "mean_speed_mps": _of_known(np.mean, speed, SPEED),
         "max_speed_mps": _of_known(np.max, speed, SPEED),
         "sigma_m": _of_known(lambda known: np.sqrt(np.mean(known**2)), sigma, METRES),
+        **sizes(track),
     }
 
 

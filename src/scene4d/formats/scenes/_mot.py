@@ -1,10 +1,10 @@
 """MOTChallenge text: ``frame, id, left, top, width, height, conf, x, y, z``, in that order.
 
 The ten columns of Leal-Taixé et al. (2015), table 2: frames count from 1, x and y are metres on
-the ground of the scene's world with z = 0, and -1, -1, -1 stands where there is no position.
-Pixels are those of the footage, counted from 0 as everywhere in this package, to 1/1000 px. Rows
-without a box (bridged gaps) are left out; a box whose score nobody knows gets 1. Classes have no
-column. Lines are ordered by frame, then by id. Readers take conf for a flag where the file is
+the ground of the scene's world, z is the height of that (0 where unknown), and -1, -1, -1 stands
+where there is no position. Pixels are those of the footage, counted from 0 as everywhere in this
+package, to 1/1000 px. Rows without a box (bridged gaps) are left out; a box whose score nobody
+knows gets 1. Classes have no column. Lines are ordered by frame, then by id. Readers take conf for a flag where the file is
 called ``gt.txt``, so better call it otherwise.
 """
 
@@ -37,7 +37,8 @@ def _columns(tracks: Tracks) -> dict[str, Array]:
     box = tracks.box_xyxy
     left_top_size = np.hstack([box[:, :2], box[:, 2:] - box[:, :2]])
     placed = np.isfinite(tracks.xy_m).all(axis=1)
-    world = np.where(placed[:, None], np.pad(tracks.xy_m, ((0, 0), (0, 1))), -1.0)
+    xyz = np.column_stack([tracks.xy_m, np.nan_to_num(tracks.z_m)])
+    world = np.where(placed[:, None], xyz, -1.0)
     score = np.where(np.isfinite(tracks.score), tracks.score, 1.0)
     numbers = {
         **{f"box{i}": column(left_top_size[:, i], PIXELS) for i in range(4)},

@@ -8,7 +8,9 @@ A MovingFeatureCollection (clause 7.2.5) of one MovingFeature (7.2.4) per track 
   Recommendation 20), ``sigma`` (MTR, root-mean-square error of the position, the camera's own
   included), ``azimuth`` (degrees clockwise from north) or, without a geo-anchor, ``heading`` (C81,
   radians from +X to +Y), and ``observed``, false where the position bridges a gap;
-- ``properties``: ``track``, ``class``, ``camera``; ``geometry`` null, as RFC 7946 wants it.
+- ``properties``: ``track``, ``class``, ``camera``, ``length_m``, ``width_m``, ``height_m`` and
+  their standard deviations (``length_sigma_m``, ...), null where unknown; ``geometry``
+  null, as RFC 7946 wants it.
 
 ``crs`` and ``trs`` (7.2.3) stand on the collection. With a geo-anchor ``crs`` is CRS84 (longitude,
 latitude in WGS 84) and ``bbox`` is given; without, it names a local system: x and y in metres on
@@ -38,6 +40,7 @@ from scene4d.formats.scenes._values import (
     SPEED,
     json_numbers,
     sigma_m,
+    sizes,
     speed_mps,
     utc_text,
 )
@@ -102,10 +105,11 @@ def _feature(scene: SceneTable, track: Tracks, place: np.ndarray) -> dict[str, A
     else:
         times = utc_text(scene.start_utc, track.time_s)
     number = int(track.track[0])
+    said = {"track": number, "class": main_class(track), "camera": scene.camera}
     return {
         "type": "Feature",
         "id": number,
-        "properties": {"track": number, "class": main_class(track), "camera": scene.camera},
+        "properties": said | sizes(track),
         "geometry": None,
         "temporalGeometry": {
             "type": "MovingPoint",

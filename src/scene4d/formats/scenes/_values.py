@@ -62,6 +62,17 @@ def sigma_m(tracks: Tracks) -> Float[np.ndarray, "n"]:
     return sigma
 
 
+def sizes(track: Tracks) -> dict[str, float | None]:
+    """Length, width and height of a track in metres, and their standard deviations, as last known;
+    None where they are not.
+    """
+    known = np.isfinite(track.size_m[:, 2])
+    last = track.select(np.flatnonzero(known)[-1:] if known.any() else np.array([0]))
+    found = np.stack([last.size_m[0], last.size_sigma_m[0]], axis=1)
+    names = ("length_m", "length_sigma_m", "width_m", "width_sigma_m", "height_m", "height_sigma_m")
+    return dict(zip(names, json_numbers(found.ravel(), METRES), strict=True))
+
+
 def column(values: np.ndarray, decimals: int) -> Array:
     """A column of numbers for :func:`csv_lines`; what is not finite becomes empty."""
     short = rounded(values, decimals)
