@@ -4,8 +4,8 @@ The ten columns of Leal-Taixé et al. (2015), table 2: frames count from 1, x an
 the ground of the scene's world, z is the height of that (0 where unknown), and -1, -1, -1 stands
 where there is no position. Pixels are those of the footage, counted from 0 as everywhere in this
 package, to 1/1000 px. Rows without a box (bridged gaps) are left out; a box whose score nobody
-knows gets 1. Classes have no column. Lines are ordered by frame, then by id. Readers take conf for a flag where the file is
-called ``gt.txt``, so better call it otherwise.
+knows gets 1. Classes have no column. Lines are ordered by frame, then by id.
+Readers take conf for a flag where the file is called ``gt.txt``, so better call it otherwise.
 """
 
 from collections.abc import Iterator
