@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import ClassVar
@@ -19,9 +20,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from scene4d.calibration.calibrating import Run
 from scene4d.cli.app import app
+from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError, OutputError
 from scene4d.core.files import write_bytes
+from scene4d.formats.cameras import read_camera
 from scene4d.perception.objects import ObjectDetector
 from scene4d.store.query import Scene
 from scene4d.tracking import TrackOptions
@@ -167,7 +171,7 @@ def test_a_full_disk_is_one_error_and_what_was_published_stays(
 def test_nobody_is_tracked_while_the_view_is_another(
     tmp_path, camera, detector, caplog, monkeypatch
 ):
-    monkeypatch.setattr("scene4d.tracking._live_view._EVERY_S", 0.2)
+    monkeypatch.setattr("scene4d.tracking._view._EVERY_S", 0.2)
     cv2.imwrite(str(camera.with_name("background.jpg")), ground())
     used = detector()
     video = write_video(tmp_path / "yard.avi", shifts=[0] * 6 + [24] * 16 + [0] * 20)
@@ -179,6 +183,45 @@ def test_nobody_is_tracked_while_the_view_is_another(
     assert [t for t in times if t > 3.6]
     assert "has moved by 2" in caplog.text
     assert "the view is back" in caplog.text
+
+
+def test_a_view_that_has_moved_is_calibrated_again_and_known_when_it_is_back(
+    tmp_path, camera, detector, caplog, monkeypatch
+):
+    """The first attempt is refused; the second gives a camera; then the first view is back."""
+    for name, value in (("_view._EVERY_S", 0.1), ("_recalibrating._EVERY_S", 0.1)):
+        monkeypatch.setattr(f"scene4d.tracking.{name}", value)
+    monkeypatch.setattr("scene4d.tracking._recalibrating._FRAMES", 3)
+    found = Calibration.of_camera(CAMERA.disturbed(np.array([0, 0, 0, 0.1, 0.0])))
+    answers = [replace(found, status="undetermined", camera=None, reason="too few people"), found]
+
+    def solved(spell, options, progress):
+        frames = [*spell.frames(range(options.frames))]
+        return Run(answers.pop(0), spell.name, frames[-1].image_bgr)
+
+    def written(result, folder, *, progress):
+        folder.mkdir(parents=True)
+        result.calibration.save(folder / "camera.json")
+        cv2.imwrite(str(folder / "background.jpg"), result.image_bgr)
+
+    monkeypatch.setattr("scene4d.tracking._recalibrating.run_footage", solved)
+    monkeypatch.setattr("scene4d.tracking._recalibrating.write", written)
+    cv2.imwrite(str(camera.with_name("background.jpg")), ground())
+    detector()
+    video = write_video(tmp_path / "yard.avi", shifts=[0] * 10 + [24] * 34 + [0] * 24)
+    run = watch(
+        video, camera, tmp_path / "scene", recalibrate=True, tracking=TrackOptions(name="y")
+    )
+    assert run.cameras == ["y", "y-2", "y"]
+    assert not answers
+    assert "cannot be calibrated: too few people" in caplog.text
+    scene = Scene.open(tmp_path / "scene")
+    assert [one.camera for one in scene.runs] == ["y", "y-2", "y"]
+    assert len(scene) == run.rows == sum(one.rows for one in scene.runs)
+    spans = [one.span_s for one in scene.runs]
+    assert spans[0][1] < 2 < spans[1][0] < spans[1][1] < 5 < spans[2][0]
+    heights = [read_camera(scene.camera_file(name)).height_m for name in ("y", "y-2")]
+    assert heights == pytest.approx([5.0, 5.0 * np.exp(0.1)])
 
 
 def test_annotations_and_pictures_cannot_be_watched(tmp_path, camera):

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.progress import Progress, Silent, timed
+
+if TYPE_CHECKING:
+    from scene4d.video.frames import Source
 
 _DEFAULT = CalibrateOptions()
 NO_PICTURES = (
@@ -69,15 +72,26 @@ def run(
         return _run_annotations(options, progress, command)
     from scene4d.video.reader import open_source
 
-    timings: dict[str, float] = {}
     with open_source(source) as footage:
-        if options.image_size not in (None, footage.image_size):
-            w, h = footage.image_size
-            raise InputError(f"image_size does not agree with {footage.name}: {w}x{h}")
-        options = options.read(footage.image_size)
-        seen = watch(footage, options, progress, timings)
-        seen.notes.extend(footage.warnings)
-        return _finished(seen, options, footage.name, progress, timings, command)
+        return run_footage(footage, options, progress, command=command)
+
+
+def run_footage(
+    footage: "Source",
+    options: CalibrateOptions,
+    progress: Progress,
+    *,
+    command: str | None = None,
+) -> Run:
+    """As :func:`run`, from footage that is open."""
+    timings: dict[str, float] = {}
+    if options.image_size not in (None, footage.image_size):
+        w, h = footage.image_size
+        raise InputError(f"image_size does not agree with {footage.name}: {w}x{h}")
+    options = options.read(footage.image_size)
+    seen = watch(footage, options, progress, timings)
+    seen.notes.extend(footage.warnings)
+    return _finished(seen, options, footage.name, progress, timings, command)
 
 
 def run_detections(

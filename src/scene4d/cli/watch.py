@@ -65,6 +65,15 @@ def watch(
             show_default=False,
         ),
     ] = None,
+    recalibrate: Annotated[
+        bool,
+        typer.Option(
+            "--recalibrate",
+            help="When the view has moved and stands still again, watch people for 100 s, "
+            "calibrate on them, and go on as another camera.",
+            rich_help_panel=_WATCHING,
+        ),
+    ] = False,
     search: Annotated[
         list[str] | None,
         typer.Option(
@@ -134,6 +143,7 @@ def watch(
         raise typer.BadParameter("is for the events of --search", param_hint="--alert")
     options = WatchOptions(
         give_up_s=give_up,
+        recalibrate=recalibrate,
         searches=search or (),
         min_score=min_score,
         catalogues=catalogue or (),
@@ -203,6 +213,8 @@ def _show(run: "WatchRun") -> None:
         table.add_row("Reconnected", f"{run.reconnected} x")
     if run.not_in_view_s:
         table.add_row("View moved", f"for {run.not_in_view_s:.0f} s")
+    if len(run.cameras) > 1:
+        table.add_row("Calibrated again", ", ".join(run.cameras[1:]))
     with screen() as console:
         console.print(table)
         for warning in run.warnings:

@@ -59,7 +59,7 @@ class Told:
 
 
 class StandingSearches:
-    """Several searches of one running camera.
+    """Several searches of one running camera; ``placed`` are those that name zones or lines.
 
     Raises :class:`InputError` for words, files and places that are not understood.
     """
@@ -73,6 +73,7 @@ class StandingSearches:
     ) -> None:
         asked = [words_of(words, options, (camera,)) for words in searches]
         self._queries = [query for query, _ in asked]
+        self.placed = [said for said, (_, there) in zip(searches, asked, strict=True) if there.all]
         self._places = Places(tuple({p.name: p for _, ps in asked for p in ps.all}.values()))
         self._options, self._camera, self._calibration = options, camera, calibration
         self._told: list[list[Told]] = [[] for _ in searches]

@@ -56,23 +56,27 @@ class LiveEvents:
     def published(self, final: Tracks, provisional: Tracks) -> None:
         """Search what is new. Raises :class:`OutputError` if the scene cannot be written."""
         now_s = self._live.taken_s
-        ended = self._live.ended
         if len(final):
             self._recent.append(final)
         self._recent = [one for one in self._recent if one.time_s.max() > now_s - WINDOW_S]
-        released_s = now_s if ended else now_s - 2 * SmoothingSettings.lag_s
+        released_s = now_s - 2 * SmoothingSettings.lag_s
         newest = float(final.time_s.max()) if len(final) else -np.inf
         self._final_s = max(self._final_s, released_s, newest)
-        if now_s < self._next_s and not ended:
-            return
-        before_s = self._timings.get("search", 0.0)
+        if now_s >= self._next_s:
+            before_s = self._timings.get("search", 0.0)
+            self._search([*self._recent, provisional], now_s, self._final_s)
+            self._next_s = now_s + (self._timings["search"] - before_s) / _SHARE
+
+    def close(self) -> None:
+        """Search for the last time: nothing more will come, so what has ended has ended."""
+        end_s = self._live.taken_s + _MORE_S
+        if self._recent:
+            self._search(self._recent, end_s, end_s)
+
+    def _search(self, parts: list[Tracks], now_s: float, final_s: float) -> None:
         with timed(self._timings, "search"):
-            tracks = self._window([*self._recent, provisional])
-            # At the end nothing more will come: what has ended has ended.
-            more_s = _MORE_S if ended else 0.0
-            final_s = self._final_s + more_s
-            news = self._searches.look(tracks, self._writer.run, now_s + more_s, final_s)
-        self._next_s = now_s + (self._timings["search"] - before_s) / _SHARE
+            tracks = self._window(parts)
+            news = self._searches.look(tracks, self._writer.run, now_s, final_s)
         for told in news:
             said = told.to_dict() | {"latency_s": self._live.now_s - told.found.event.end_s}
             self._keep(said)

@@ -1,6 +1,7 @@
 """``track``: the stages of a run, one after the other."""
 
 import hashlib
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import replace
@@ -148,10 +149,10 @@ def _looks(
         if footage is not None:
             said["source"] = str(Path(footage.name).resolve())
         return annotated_looks(footage, job), said
-    from scene4d.tracking.watching import watch_settings, watched, watched_live
+    from scene4d.tracking.watching import streamed, watch_settings, watched
 
     assert footage is not None
-    look = watched_live if live else watched
+    look = streamed if live else watched
     return look(footage, job), watch_settings(footage, job)
 
 
@@ -237,7 +238,7 @@ def finish(job: Job) -> None:
             "them on the ground; are its height and its tilt right?"
         )
     scene = Scene.open(run.scene).only(run.run)
-    run.tracks = scene.track_counts()
+    run.tracks = dict(Counter(run.tracks) + Counter(scene.track_counts()))
     with timed(run.timings, "draw"), job.progress.stage("Drawing", None):
         run.picture = _drawn(job, scene.paths(run.camera, _MOST_DRAWN))
 
@@ -246,7 +247,7 @@ def _drawn(job: Job, paths: dict[int, tuple[str, np.ndarray]]) -> Path | None:
     """The figure of a run; None if no row has a position."""
     from scene4d.drawing.scene_map import draw_scene_map
     from scene4d.store.runs import file_name
-    from scene4d.tracking.watching import calibrated_view
+    from scene4d.video.background import calibrated_view
 
     image = calibrated_view(job.background, job.camera.image_size)
     content = draw_scene_map(job.camera, paths, image)

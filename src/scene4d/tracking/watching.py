@@ -1,7 +1,7 @@
 """Runs the detectors over footage, once, in chunks.
 
 Detections in recorded footage go into a log, so a killed run can resume. A stream cannot be
-replayed, so it has no log; its results are added to the scene chunk by chunk.
+replayed, so it has no log; its results are added to the scene second by second.
 """
 
 import hashlib
@@ -19,6 +19,7 @@ from scene4d.core.progress import Advance, timed
 from scene4d.store.log import DetectionLog, Look
 from scene4d.store.runs import camera_identity, file_name
 from scene4d.tracking._options import Job
+from scene4d.tracking._view import View
 from scene4d.video.frames import Frame, Source
 from scene4d.video.stream import without_password
 
@@ -27,12 +28,8 @@ if TYPE_CHECKING:
 
 _CHUNK_S = 10.0
 """Length of a chunk: the most that is lost when a run over a recording is killed."""
-LIVE_CHUNK_S = 1.0
-"""The same of a stream: as often are its rows published."""
 _LOGS = "detections"
 """Folder in a scene for the detections; it may be removed once a run is complete."""
-_CHECK_EVERY = 10
-"""Every tenth frame is compared with the calibrated view."""
 _EARLY_S = 1e-6
 """A frame this much before a slot still belongs to it, because times carry rounding errors."""
 
@@ -51,9 +48,9 @@ def watched(footage: Source, job: Job) -> Iterator[Look]:
     if log.finished:
         return
     chunks = _chunks(footage, job.options.rate_hz)
-    objects, monitor = detectors(job), _ViewMonitor(footage, job)
+    objects, view = detectors(job), View(footage, job, live=False)
     if done:
-        monitor.resume(footage, np.concatenate(chunks[:done]))
+        view.resume(footage, np.concatenate(chunks[:done]))
     ends = np.array([chunk[-1] for chunk in chunks])
     ahead = np.concatenate(chunks[done:]).tolist() if chunks[done:] else []
     with job.progress.stage("Watching people and vehicles", len(ahead)) as step:
@@ -62,7 +59,7 @@ def watched(footage: Source, job: Job) -> Iterator[Look]:
         def chunk_of(frame: Frame) -> int:
             return int(np.searchsorted(ends, frame.index)) - done
 
-        for look in _looks(frames, chunk_of, objects, monitor):
+        for look in _looks(frames, chunk_of, objects, view):
             log.append(look)
             yield look
     log.finish()
@@ -70,17 +67,22 @@ def watched(footage: Source, job: Job) -> Iterator[Look]:
     run.warnings.extend(footage.warnings)
 
 
-def watched_live(stream: Source, job: Job) -> Iterator[Look]:
-    """Detections in a stream until it ends or Ctrl-C is pressed (the command line treats SIGTERM
-    the same). Raises :class:`InputError` if the camera moved.
+def watched_live(
+    frames: Iterator[Frame | None], job: Job, objects: "ObjectDetector", view: View
+) -> Iterator[Look]:
+    """Detections in the frames of a stream until they end or Ctrl-C is pressed (the command line
+    treats SIGTERM the same). None among the frames says that for a second none came.
     """
-    objects, monitor = detectors(job), _ViewMonitor(stream, job)
+    yield from _looks(frames, lambda frame: int(frame.time_s), objects, view, endless=True)
+    job.run.timings |= objects.timings
+
+
+def streamed(stream: Source, job: Job) -> Iterator[Look]:
+    """Detections in every frame of a stream, however late."""
+    objects, view = detectors(job), View(stream, job, live=True)
     with job.progress.stage("Watching people and vehicles", None) as step:
         frames = _timed_frames(_thinned(stream.frames(), job.options.rate_hz), job, step)
-        yield from _looks(
-            frames, lambda frame: int(frame.time_s / LIVE_CHUNK_S), objects, monitor, endless=True
-        )
-    job.run.timings |= objects.timings
+        yield from watched_live(frames, job, objects, view)
     job.run.warnings.extend(stream.warnings)
 
 
@@ -108,18 +110,6 @@ def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
         "weights": {weight.name: weight.sha256 for weight in WEIGHTS},
         "software": f"scene4d {version('scene4d')}",
     }
-
-
-def calibrated_view(path: Path | None, image_size: tuple[int, int]) -> np.ndarray | None:
-    """The view as calibrated; None if it was not kept or its size differs."""
-    if path is None or not path.is_file():
-        return None
-    import cv2
-
-    image = cv2.imread(str(path))
-    if image is None or image.shape[1::-1] != image_size:
-        return None
-    return np.asarray(image)
 
 
 def detectors(job: Job) -> "ObjectDetector":
@@ -201,41 +191,48 @@ def _timed_frames(frames: Iterator[Frame], job: Job, step: Advance) -> Iterator[
 
 
 def _looks(
-    frames: Iterator[Frame],
+    frames: Iterator[Frame | None],
     chunk_of: Callable[[Frame], int],
     objects: "ObjectDetector",
-    monitor: "_ViewMonitor",
+    view: View,
     *,
     endless: bool = False,
 ) -> Iterator[Look]:
     """Detections, chunk by chunk, with an empty look for a chunk without frames.
 
-    For ``endless`` frames Ctrl-C ends the loop normally; otherwise it ends the run.
+    For ``endless`` frames, None ends a chunk early, those without frames are left out, and Ctrl-C
+    ends the loop normally; otherwise it ends the run.
     """
-    seen: list[Moment] = []
+    seen: list[_Moment] = []
     chunk = 0
     try:
         for frame in frames:
-            while chunk_of(frame) > chunk:
-                monitor.check()
-                yield look_of(seen, monitor.image_size)
-                seen, chunk = [], chunk + 1
-                objects.begin()
-            monitor.add(frame)
-            seen.append((frame, *objects.look(frame)))
+            now = chunk if frame is None else max(chunk, chunk_of(frame))
+            ended = now - chunk
+            if endless:
+                ended = int(ended > 0 or frame is None)
+            for _ in range(ended):
+                view.check()
+                yield _look_of(seen, view.image_size)
+                seen = []
+                if not endless:
+                    objects.begin()
+            chunk = now
+            if frame is not None and view.is_right(frame):
+                seen.append((frame, *objects.look(frame)))
     except KeyboardInterrupt:
         if not endless:
             raise
-    monitor.check()
+    view.check()
     if seen:
-        yield look_of(seen, monitor.image_size)
+        yield _look_of(seen, view.image_size)
 
 
-Moment = tuple[Frame, Detections, np.ndarray]
+_Moment = tuple[Frame, Detections, np.ndarray]
 """A frame, its detections, and their appearance."""
 
 
-def look_of(seen: list[Moment], image_size: tuple[int, int]) -> Look:
+def _look_of(seen: list[_Moment], image_size: tuple[int, int]) -> Look:
     """The detections in some frames, or in none."""
     index = np.array([frame.index for frame, _, _ in seen], np.int64)
     time_s = np.array([frame.time_s for frame, _, _ in seen], float)
@@ -243,57 +240,3 @@ def look_of(seen: list[Moment], image_size: tuple[int, int]) -> Look:
         return Look(index, time_s, Detections.from_boxes(image_size, index, np.empty((0, 4))))
     detections = Detections.concatenate([found for _, found, _ in seen])
     return Look(index, time_s, detections, np.concatenate([colours for _, _, colours in seen]))
-
-
-class _ViewMonitor:
-    """Checks that the view is still the calibrated one."""
-
-    def __init__(self, source: Source, job: Job) -> None:
-        from scene4d.video.motion import MotionMonitor
-
-        self.image_size = source.image_size
-        self._name = source.name
-        self._timings = job.run.timings
-        self._seen = 0
-        self._within = MotionMonitor(source.image_size)
-        self._since = MotionMonitor(source.image_size)
-        calibrated = calibrated_view(job.background, source.image_size)
-        self._is_known = calibrated is not None
-        if calibrated is not None:
-            self._since.add(calibrated, 0.0)
-            return
-        name = "background" if job.background is None else job.background.name
-        job.run.warnings.append(
-            f"There is no {name} beside the camera file, so it was not checked whether the camera "
-            "has moved since it was calibrated."
-        )
-
-    def add(self, frame: Frame) -> None:
-        """Compare every tenth frame with the calibrated view."""
-        with timed(self._timings, "does it move"):
-            if self._seen % _CHECK_EVERY == 0:
-                self._compare(frame)
-        self._seen += 1
-
-    def resume(self, source: Source, indices: Int[np.ndarray, "n"]) -> None:
-        """Compare the frames of an earlier run again, so that the verdict is the same."""
-        for frame in source.frames(indices[::_CHECK_EVERY].tolist()):
-            self._compare(frame)
-        self._seen = len(indices)
-
-    def _compare(self, frame: Frame) -> None:
-        self._within.add(frame.image_bgr, frame.time_s)
-        if self._is_known:
-            self._since.add(frame.image_bgr, frame.time_s)
-
-    def check(self) -> None:
-        """Raise :class:`InputError` if the view has changed."""
-        within, since = self._within.verdict(), self._since.verdict()
-        if within.moved:
-            raise InputError(f"{self._name}: {within.reason}")
-        if self._is_known and since.moved:
-            how = f"by {since.max_shift_px:.0f} px" if np.isfinite(since.max_shift_px) else "away"
-            raise InputError(
-                f"{self._name}: the view has moved {how} since the camera was calibrated: "
-                "calibrate it again on this footage"
-            )

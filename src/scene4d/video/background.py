@@ -1,5 +1,8 @@
 """The background without people: the median of a few frames."""
 
+from pathlib import Path
+
+import cv2
 import numpy as np
 from jaxtyping import UInt8
 
@@ -51,3 +54,13 @@ class Background:
             middle = strip.shape[0] // 2
             rows.append(np.partition(strip, middle, axis=0)[middle])
         return np.concatenate(rows)
+
+
+def calibrated_view(path: Path | None, image_size: tuple[int, int]) -> np.ndarray | None:
+    """The view as calibrated; None if it was not kept or its size differs."""
+    if path is None or not path.is_file():
+        return None
+    image = cv2.imread(str(path))
+    if image is None or image.shape[1::-1] != image_size:
+        return None
+    return np.asarray(image)

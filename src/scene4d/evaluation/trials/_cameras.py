@@ -25,7 +25,7 @@ from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Setting
 from scene4d.formats.cameras import read_calibration
 from scene4d.formats.homographies import read_reference
 from scene4d.formats.points import read_points
-from scene4d.tracking.watching import calibrated_view
+from scene4d.video.background import calibrated_view
 
 _VIDEO_SUFFIXES = (".avi", ".mp4", ".mkv", ".mov", ".mpg")
 _NO_VIDEO = "There is no video in this folder: the lines that need one were left out."
