@@ -46,6 +46,7 @@ def assert_true(tracks: Tracks, *, people: int = 2, within_m: float = 0.25) -> N
         speed = np.linalg.norm(one.velocity_mps[middle], axis=1)
         expected = np.linalg.norm((truth[-1, who] - truth[0, who]) / np.ptp(one.time_s))
         np.testing.assert_allclose(speed, expected, rtol=0.2)
+        assert (one.z_m == 0).all() and (np.abs(one.size_m[:, 2] - 1.70) < 0.06).all()
         assert np.isfinite(one.heading_rad[middle]).all()
 
 
@@ -85,6 +86,11 @@ def test_a_video_becomes_a_scene_with_a_parked_car(tmp_path, camera, detector):
     assert np.linalg.norm(car.xy_m - CAR, axis=1).max() < 0.8
     assert car.xy_m.std(axis=0).max() < 0.05
     assert "was not checked" in run.warnings[0]
+    assert run.objects_picture.stat().st_size > 10_000
+    for size_m, sigma_m, is_m in zip(
+        car.size_m[-1], car.size_sigma_m[-1], (4.4, 1.8, 1.5), strict=True
+    ):
+        assert abs(size_m - is_m) < 2 * sigma_m
 
 
 def columns(scene: Path) -> dict[str, list]:
@@ -194,4 +200,5 @@ def test_the_picture_of_a_long_run_stays_small(tmp_path, camera, monkeypatch):
     )
     run = track(None, camera, tmp_path / "scene", options)
     assert run.picture.stat().st_size > 10_000
+    assert run.objects_picture is None, "there is no footage"
     assert 20 < sum(len(xy) for _, xy in drawn[0].values()) <= 62 < run.rows

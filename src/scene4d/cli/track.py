@@ -180,3 +180,5 @@ def _show(run: "TrackRun") -> None:
         console.print(f"\nScene    {run.scene}", soft_wrap=True)
         if run.picture is not None:
             console.print(f"Picture  {run.picture}", soft_wrap=True)
+        if run.objects_picture is not None:
+            console.print(f"Objects  {run.objects_picture}", soft_wrap=True)

@@ -46,7 +46,11 @@ class TrackOptions:
 
 @dataclass
 class TrackRun:
-    """What was written: rows, tracks by class, rows without a position, seconds by stage."""
+    """What was written: rows, tracks by class, rows without a position, seconds by stage.
+
+    ``picture`` is the view from above; ``objects_picture`` shows the objects of one moment as
+    solids, None for streams and without footage.
+    """
 
     scene: Path
     camera: str
@@ -58,6 +62,7 @@ class TrackRun:
     end_s: float = float("nan")
     resumed: int = 0
     picture: Path | None = None
+    objects_picture: Path | None = None
     warnings: list[str] = field(default_factory=list)
     timings: dict[str, float] = field(default_factory=dict)
 
@@ -74,6 +79,7 @@ class TrackRun:
             "end_s": self.end_s if self.rows else None,
             "resumed_chunks": self.resumed,
             "picture": None if self.picture is None else str(self.picture),
+            "objects_picture": None if self.objects_picture is None else str(self.objects_picture),
             "warnings": self.warnings,
             "timings_s": self.timings,
         }

@@ -22,12 +22,15 @@ from scene4d.tracking._options import Job, TrackOptions, TrackRun
 
 if TYPE_CHECKING:
     from scene4d.store.log import Look
+    from scene4d.store.query import Scene
     from scene4d.store.writing import SceneWriter
     from scene4d.video.frames import Source
 
 _FIGURES = "figures"
 _MOST_DRAWN = 40_000
 """Most positions drawn in one figure; more cannot be distinguished."""
+_MOMENT_S = 1e-3
+"""Rows of one frame lie within this."""
 _MANY_WITHOUT = 0.5
 """Share of rows without a position beyond which the camera is probably wrong."""
 
@@ -73,7 +76,7 @@ def track(
                 write_live(writer, looks, job)
             else:
                 _write(writer, looks, job)
-        finish(job)
+        finish(job, footage)
     return run
 
 
@@ -225,8 +228,8 @@ def _put(writer: "SceneWriter", tracks: Tracks, run: TrackRun) -> None:
     run.end_s = float(np.fmax(run.end_s, tracks.time_s.max()))
 
 
-def finish(job: Job) -> None:
-    """Count and draw the tracks written."""
+def finish(job: Job, footage: "Source | None" = None) -> None:
+    """Count and draw the tracks written; those of one moment over its frame of recorded footage."""
     from scene4d.store.query import Scene
 
     run = job.run
@@ -241,19 +244,43 @@ def finish(job: Job) -> None:
     run.tracks = dict(Counter(run.tracks) + Counter(scene.track_counts()))
     with timed(run.timings, "draw"), job.progress.stage("Drawing", None):
         run.picture = _drawn(job, scene.paths(run.camera, _MOST_DRAWN))
+        if footage is not None and footage.timeline is not None:
+            run.objects_picture = _drawn_objects(job, scene, footage)
 
 
 def _drawn(job: Job, paths: dict[int, tuple[str, np.ndarray]]) -> Path | None:
     """The figure of a run; None if no row has a position."""
     from scene4d.drawing.scene_map import draw_scene_map
-    from scene4d.store.runs import file_name
     from scene4d.video.background import calibrated_view
 
     image = calibrated_view(job.background, job.camera.image_size)
-    content = draw_scene_map(job.camera, paths, image)
+    return _kept(job, draw_scene_map(job.camera, paths, image), "")
+
+
+def _drawn_objects(job: Job, scene: "Scene", footage: "Source") -> Path | None:
+    """The moment with the most objects, vehicles counted twice; None if there is none."""
+    from scene4d.drawing.objects import draw_objects
+
+    frames = scene.sql(
+        "SELECT frame, min(time_s) AS time_s FROM scene WHERE observed AND x_m IS NOT NULL "
+        "GROUP BY frame ORDER BY count(*) + count(length_m) DESC, frame LIMIT 1"
+    )
+    if not frames.num_rows:
+        return None
+    ((number,), (time_s,)) = (frames[name].to_pylist() for name in ("frame", "time_s"))
+    rows = scene.tracks(begin=time_s, end=time_s + _MOMENT_S)
+    rows = rows.select(rows.observed & (rows.frame == number))
+    frame = next(iter(footage.frames([number])))
+    return _kept(job, draw_objects(job.camera, rows, frame.image_bgr), "-objects")
+
+
+def _kept(job: Job, content: bytes | None, ending: str) -> Path | None:
+    """Where a figure was written."""
+    from scene4d.store.runs import file_name
+
     if content is None:
         return None
-    path = job.run.scene / _FIGURES / f"{file_name(job.run.run, 'run')}.png"
+    path = job.run.scene / _FIGURES / f"{file_name(job.run.run, 'run')}{ending}.png"
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes(path, content)
     return path
