@@ -1,11 +1,11 @@
-"""Where vehicles stand: drawn vehicles, speed, and parked vehicles of MEVA.
+"""Where vehicles stand and how large they are: drawn vehicles, speed, and parked vehicles of MEVA.
 
     python -m benchmarks.vehicle_positions [--annotations DIR] [--data DIR]
-    python -m benchmarks.vehicle_positions --annotations DIR --picture FILE.png [--clip NAME]
 
 Drawn vehicles have known places: typical outlines, and four bodies (saloon, hatchback, SUV, van)
 that the fit does not know. DIR holds MEVA's annotations, unpacked from ``annotations.tar.xz``:
-there parked vehicles must stay put, and vehicles that two cameras see must stand at one place.
+there parked vehicles must stay put, and vehicles that two cameras see must stand at one place and
+have one size.
 The usual stand-in for a vehicle's place, the middle of its box's bottom edge, is measured beside.
 """
 
@@ -18,14 +18,17 @@ from pathlib import Path
 
 import numpy as np
 
+from scene4d.core.body import PERSON_HEIGHT_M
+from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.people import Detections
-from scene4d.core.tracks import Located
+from scene4d.core.tracks import Located, Tracks
 from scene4d.core.vehicle_shapes import CUBOID, SHAPES
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import read_camera
-from scene4d.tracking._vehicle_fit import Bells, Boxes, fit
 from scene4d.tracking._vehicles import JITTER_SHARE, locate_vehicles
+from scene4d.tracking.annotated import looks_of
+from scene4d.tracking.following import follow
 
 ROOT = Path(__file__).parents[1]
 NOISE_SHARE, NOISE_PX = 0.036, 1.4
@@ -352,59 +355,67 @@ def _matches(
                 yield (int(x), int(y)), gap
 
 
-def picture(annotations: Path, data: Path, name: str, clip: str, out: Path) -> None:
-    """The likeliest cuboids of the standing vehicles of a clip, their box, and where they stand.
-
-    The frame is of another time: only vehicles that were parked there then too can agree.
-    """
-    import cv2
-
-    camera = meva_camera(data, name)
-    image = cv2.imread(str(data / "meva" / "frames" / f"{name}.jpg"))
-    for path, boxes in meva_clips(annotations, camera, name):
-        if not path.startswith(clip):
-            continue
-        still = standing(boxes)
-        found = locate_vehicles(still, camera)
-        for track in np.unique(still.track):
-            mine = still.track == track
-            box = np.median(still.box_xyxy[mine], axis=0)
-            low, high = np.round(box[:2]).astype(int), np.round(box[2:]).astype(int)
-            cv2.rectangle(image, low.tolist(), high.tolist(), (0, 200, 255), 1)
-            if (mine & found.known).any():
-                place = np.median(found.xy_m[mine & found.known], axis=0)
-                _draw_vehicle(image, camera, box, place)
-    cv2.imwrite(str(out), image)
-
-
-def _likeliest(camera: Camera, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Heading, x and y, and the size (m) of the likeliest car with this box."""
-    apart = np.pi / 12
-    bells = Bells(np.arange(12)[None] * apart, np.array([0.55 * apart]), np.zeros((1, 12)))
-    border = np.array([2, 2, *(np.array(camera.image_size) - 3)])
-    seen = np.array([1, 1, -1, -1]) * (box - border) > 0
-    noise = np.hypot(1.4, 0.036 * np.tile(box[2:] - box[:2], 2))
-    fits = fit(camera, SHAPES["car"], Boxes(box[None], noise[None], seen[None]), bells)
-    best = int(fits.log_weight[0].argmax())
-    return fits.pose[:, 0, best], SHAPES["car"].size_m * np.exp(fits.log_size[:, 0, best])
+def sizes(annotations: Path, data: Path) -> None:
+    """Sizes of the tracks of each camera, and how two cameras agree about those that both see."""
+    print("\nMEVA sizes, m   tracks   length (10 to 90 %)  width  height      sigma")
+    both: dict[str, list[list[_Sized]]] = {}
+    for name in ("G328", "G341", "G424", "G506"):
+        camera, every = meva_camera(data, name), []
+        for path, boxes in meva_clips(annotations, camera, name):
+            found = list(_sized(camera, boxes, int(path.split(".")[1][6:8])))
+            every += found
+            if name in ("G328", "G424"):
+                both.setdefault(path[:16], []).append(found)
+        size, sigma = (np.array([getattr(one, f) for one in every]) for f in ("size_m", "sigma_m"))
+        low, middle, high = np.quantile(size, [0.1, 0.5, 0.9], axis=0)
+        spread = " ".join(f"{one:.2f}" for one in np.median(sigma, axis=0))
+        print(
+            f"{name:14}{len(size):8}{middle[0]:9.2f} ({low[0]:.1f} to {high[0]:.1f})"
+            f"{middle[1]:11.2f}{middle[2]:8.2f}   {spread}"
+        )
+    pairs = [pair for parts in both.values() if len(parts) == 2 for pair in _same(*parts)]
+    size = np.array([[one.size_m for one in pair] for pair in pairs])
+    sigma = np.array([[one.sigma_m for one in pair] for pair in pairs])
+    z = np.log(size[:, 0] / size[:, 1]) / np.hypot(*np.moveaxis(sigma / size, 1, 0))
+    alike = [np.corrcoef(size[:, 0, k], size[:, 1, k])[0, 1] for k in range(3)]
+    print(f"G328 and G424: {len(size)} vehicles, rms of difference over sigma", end=" ")
+    print(*np.sqrt((z**2).mean(axis=0)).round(2), "correlation", *np.round(alike, 2))
 
 
-def _draw_vehicle(image: np.ndarray, camera: Camera, box: np.ndarray, xy: np.ndarray) -> None:
-    """The likeliest cuboid in green, and the mean over all headings: the red dot."""
-    import cv2
+@dataclass(frozen=True, eq=False)
+class _Sized:
+    """A track and its size in the end."""
 
-    (heading, x, y), size = _likeliest(camera, box)
-    turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
-    flat = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / 2 * size[:2] @ turn.T + (x, y)
-    rims = []
-    for z in (0.0, size[2]):
-        uv, _ = camera.project(np.column_stack([flat, np.full(4, z)]))
-        rims.append(np.round(uv).astype(np.int32))
-        cv2.polylines(image, [rims[-1]], True, (80, 255, 80), 1, cv2.LINE_AA)
-    for low, high in zip(*rims, strict=True):
-        cv2.line(image, low.tolist(), high.tolist(), (80, 255, 80), 1, cv2.LINE_AA)
-    spot = camera.project(np.append(xy, 0.0))[0]
-    cv2.circle(image, [round(float(v)) for v in spot], 4, (0, 0, 255), -1, cv2.LINE_AA)
+    time_s: np.ndarray
+    xy_m: np.ndarray
+    size_m: np.ndarray
+    sigma_m: np.ndarray
+
+
+def _sized(camera: Camera, boxes: Detections, start_s: int) -> Iterator[_Sized]:
+    boxes = boxes.select((boxes.box_xyxy[:, 2:] > boxes.box_xyxy[:, :2]).all(axis=1))
+    looks = looks_of(boxes, 5.0, MEVA_FPS)
+    parts = list(follow(looks, Calibration.of_camera(camera), PERSON_HEIGHT_M, trusted=True))
+    rows = Tracks.concatenate(parts)
+    rows = rows.select(np.isfinite(rows.xy_m[:, 0]))
+    for track in np.unique(rows.track):
+        mine = rows.select(rows.track == track)
+        mine = mine.select(np.argsort(mine.time_s))
+        time_s = np.round(mine.time_s + start_s, 1)
+        yield _Sized(time_s, mine.xy_m, mine.size_m[-1], mine.size_sigma_m[-1])
+
+
+def _same(first: list[_Sized], second: list[_Sized]) -> Iterator[tuple[_Sized, _Sized]]:
+    """Tracks of both cameras within 4 m of each other for three seconds."""
+    for one in first:
+        gaps = []
+        for other in second:
+            _, i, j = np.intersect1d(one.time_s, other.time_s, return_indices=True)
+            if len(i) >= 15:
+                gap = np.hypot(*np.median(one.xy_m[i] - other.xy_m[j], axis=0))
+                gaps.append((gap, id(other), other))
+        if gaps and min(gaps)[0] < 4.0:
+            yield one, min(gaps)[2]
 
 
 def main() -> None:
@@ -412,19 +423,14 @@ def main() -> None:
     default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
     parser.add_argument("--data", type=Path, default=Path(default))
     parser.add_argument("--annotations", type=Path, help="MEVA's annotations, unpacked")
-    parser.add_argument("--picture", type=Path, help="fitted vehicles of --clip as PNG, no more")
-    parser.add_argument("--camera", default="G424")
-    parser.add_argument("--clip", default="", help="how its file name begins; all clips without")
     parser.add_argument("--count", type=int, default=3000, help="drawn vehicles per camera")
     asked = parser.parse_args()
-    if asked.picture:
-        picture(asked.annotations, asked.data, asked.camera, asked.clip, asked.picture)
-        return
     synthetic(asked.count)
     speed()
     if asked.annotations:
         parked(asked.annotations, asked.data)
         two_cameras(asked.annotations, asked.data)
+        sizes(asked.annotations, asked.data)
 
 
 if __name__ == "__main__":
