@@ -44,12 +44,12 @@ def mixed_problem(seed: int) -> tuple[Problem, State]:
     track = problem.track.copy()
     track[:10] = 1000 + np.arange(10)  # seen once
     track = np.unique(track, return_inverse=True)[1]
-    problem = replace(problem, track=track, drift=Drift.of(problem.points))
+    problem = replace(problem, track=track, drift=Drift.of(problem.points, track))
     off = np.array([0.05, 0.02, 0.01, 0.05, 0.01, 0.02, 0.02]) * rng.normal(size=7)
     parameters = parameters_of(scene.camera) + off
     noise = Noise(along=0.04, across=0.05, box_along=0.06, height_m=0.08, short=0.2, stray=0.07)
     delta = rng.normal(0, 0.1, problem.n_heights)
-    drift = np.array([0.05, -0.03, 0.04, -0.1, 0.02])
+    drift = np.array([0.05, -0.03, 0.04, -0.1, 0.02, 0.08])
     return problem, State(parameters, delta, noise, azimuth=0.6, drift=drift)
 
 

@@ -293,7 +293,7 @@ def test_few_tracks_on_real_footage_count_less_than_as_many_strangers(monkeypatc
     """What one person gets wrong (gait, posture) repeats itself: of thirty sightings, about ten in
     new places, remain 10 / (1 + 9 · 0.12) = 4.8 facts, and sigma is 1.4 times that of bare points.
     """
-    monkeypatch.setattr("scene4d.calibration._solve.Drift.of", lambda points: None)
+    monkeypatch.setattr("scene4d.calibration._solve.Drift.of", lambda points, track: None)
     scene = draw_scene(4, 300, tracks=10)
     people, size = _segments(scene), scene.camera.image_size
     bare, real = (

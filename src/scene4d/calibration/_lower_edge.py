@@ -53,8 +53,7 @@ class LowerEdge:
         bent = bent / np.where(box, points.foot[1] - here.head[1], 1.0)
         by_parameter = (here.by_parameter[:, 1] - below.by_parameter[:, 1]) / (_ROW * growth)
         by_height = (here.by_height[1] - below.by_height[1]) / (_ROW * growth)
-        by_drift = np.zeros_like(drifted.by[:, 0])
-        by_drift[0], by_drift[2] = 1 / gain, 2 * drifted.by[0, 0] / gain
+        by_drift = drifted.gain_by / gain
         return cls(
             np.sqrt(narrowing2),
             -both * (1 - s) * s / narrowing2,

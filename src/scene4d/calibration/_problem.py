@@ -91,7 +91,7 @@ class Problem:
         return [*self.columns, *drifts]
 
     @cached_property
-    def free(self) -> Bool[np.ndarray, "13"]:
+    def free(self) -> Bool[np.ndarray, "14"]:
         """What is estimated: of the camera, the azimuth of lines, the drift."""
         drifts = np.full(N_DRIFTS, self.drift is not None)
         return np.concatenate([self.prior.free, [self.lines is not None], drifts])
@@ -142,8 +142,9 @@ class Problem:
         """The problem on some of its people."""
         _, track = np.unique(self.track[rows], return_inverse=True)
         blur = None if self.blur is None else self.blur[rows]
+        drift = None if self.drift is None else self.drift.select(rows)
         points, weight = self.points.select(rows), self.weight[rows]
-        return replace(self, points=points, track=track, weight=weight, blur=blur)
+        return replace(self, points=points, track=track, weight=weight, blur=blur, drift=drift)
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +157,7 @@ class State:
     delta_m: Float[np.ndarray, "t"]
     noise: Noise
     azimuth: float = 0.0
-    drift: Float[np.ndarray, "5"] = field(default_factory=lambda: np.zeros(N_DRIFTS))
+    drift: Float[np.ndarray, "6"] = field(default_factory=lambda: np.zeros(N_DRIFTS))
     rivals: tuple[tuple[float, Float[np.ndarray, "7"]], ...] = ()
 
 

@@ -176,11 +176,11 @@ def _lower_edge(
 class NormalEquations:
     """Gauss-Newton system over camera, azimuth and drift, with the heights eliminated."""
 
-    hessian: Float[np.ndarray, "13 13"]
-    gradient: Float[np.ndarray, "13"]
+    hessian: Float[np.ndarray, "14 14"]
+    gradient: Float[np.ndarray, "14"]
     height_information: Float[np.ndarray, "t"]
     height_gradient: Float[np.ndarray, "t"]
-    coupling: Float[np.ndarray, "13 t"]
+    coupling: Float[np.ndarray, "14 t"]
 
 
 def normal_equations(problem: Problem, state: State, lin: Linearisation) -> NormalEquations:

@@ -207,7 +207,7 @@ def _problem(
     lines = None
     if edges_xyxy is not None and len(edges_xyxy):
         lines = _lines(case.frame, edges_xyxy)
-    drift = Drift.of(points) if case.asked.systematics and case.usable.any() else None
+    drift = Drift.of(points, track) if case.asked.systematics and case.usable.any() else None
     terms = () if traffic is None else (traffic.vehicles,)
     return Problem(
         points, track, weight, case.asked.person_height_m, prior, lines, terms, drift=drift,

@@ -91,7 +91,7 @@ def _beyond_the_model(
     problem: Problem,
     lin: Linearisation,
     system: NormalEquations,
-    inverse: Float[np.ndarray, "13 13"],
+    inverse: Float[np.ndarray, "14 14"],
 ) -> Float[np.ndarray, "7 7"]:
     """Variance that a jackknife over tracks shows beyond that of independent errors.
 
