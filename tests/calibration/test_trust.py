@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from scenes import Scene, draw_scene, errors_of, sigmas_of, solve_points
 
 from scene4d.calibration import CalibrateOptions, _uncertainty, solve_segments
@@ -73,8 +72,8 @@ def test_a_rival_as_likely_as_the_answer_adds_its_distance():
     assert not _uncertainty._of_rivals(replace(state, rivals=())).any()
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_boxes_that_never_move_may_be_seated_and_hardly_count(seed):
+def z_beside_seated_people(seed: int) -> np.ndarray:
+    """Errors in standard deviations where a third of all tracks are boxes of seated people."""
     scene = draw_scene(seed, 260, tracks=20, tilt_deg=20.0, height_m=4.0, fov_deg=55.0)
     people, rng = scene.people, np.random.default_rng(seed)
     foot, head, track = people.foot_uv, people.head_uv, people.track.copy()
@@ -85,5 +84,9 @@ def test_boxes_that_never_move_may_be_seated_and_hardly_count(seed):
     boxes = replace(boxes, frame=np.arange(len(boxes)))
     options = CalibrateOptions(lens=scene.camera.lens, orientation="people", lines=False)
     found = solve_segments(boxes, scene.camera.image_size, options)
-    z = errors_of(scene, found)[1:] / sigmas_of(found)[1:]
-    assert (np.abs(z) < 3).all(), z
+    return errors_of(scene, found)[1:] / sigmas_of(found)[1:]
+
+
+def test_boxes_that_never_move_may_be_seated_and_mislead_little():
+    z = np.array([z_beside_seated_people(seed) for seed in range(5)])
+    assert (np.sqrt((z**2).mean(axis=0)) < 2.5).all(), z
