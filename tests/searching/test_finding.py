@@ -201,8 +201,9 @@ def test_the_lean_rows_are_those_of_the_scene(gate):
     lean, step_s = lean_tracks(gate, 0.01)
     full = gate.tracks()
     assert step_s == pytest.approx(np.median(np.diff(np.unique(full.time_s))))
+    left_out = {"shared_covariance_m2", "score", "keypoint_uv", "keypoint_score"}
     for name in full.array_names():
-        if name not in ("shared_covariance_m2", "score", "keypoint_uv", "keypoint_score"):
+        if name not in left_out | {"z_m", "z_sigma_m", "size_m", "size_sigma_m"}:
             np.testing.assert_array_equal(getattr(lean, name), getattr(full, name), err_msg=name)
 
 
@@ -415,6 +416,25 @@ def test_keypoints_are_brought_where_they_are_asked_for(tmp_path):
     assert with_them.tracks.keypoint_uv.shape[1] == 26
     done = search(scene, "person raises arm", min_score=0.001)
     assert done.rows == len(with_them.tracks)
+
+
+def test_people_are_found_by_their_height(tmp_path):
+    """Sizes are brought where they are asked for."""
+    rows = [
+        replace(one, size_m=np.tile([np.nan, np.nan, height_m], (len(one), 1)),
+                size_sigma_m=np.tile([np.nan, np.nan, 0.05], (len(one), 1)))
+        for one, height_m in zip(scenes.people()[:2], (1.25, 1.80), strict=True)
+    ]  # fmt: skip
+    scene = Scene.open(scenes.write_scene(tmp_path / "scene", rows))
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "activities:\n  child_lurks:\n    phrases: [person lurks]\n    roles: {person: person}\n"
+        "    phases:\n      - {name: is, lasts: [1, 60], "
+        "holds: ['not taller_than(person, height_m=1.5)']}\n"
+    )
+    done = search(scene, "person lurks", catalogues=[path])
+    (event,) = done.events
+    assert set(event.event.roles.values()) == set(rows[0].track) and event.event.score > 0.99
 
 
 def written(scene, out, words=ENTERS, **options):

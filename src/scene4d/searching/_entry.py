@@ -115,13 +115,16 @@ def _playable(activity: Activity, classes: Collection[str]) -> bool:
 def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Stage:
     """One run as a stage; raises as :meth:`Scene.sql` and :func:`stage_of`.
 
-    Without keypoints unless a predicate looks at them: a day's rows are mostly keypoints and
-    covariances, and reading these takes several times as long as the search itself. Tracks of
+    Without keypoints and sizes unless a predicate looks at them: a day's rows are mostly keypoints
+    and covariances, and reading these takes several times as long as the search itself. Tracks of
     annotations, where one object may have several, are united.
     """
     alone = asked.scene.only(run.run)
-    posed = any(PREDICATES[term.predicate].keypoints for term in asked.query.activity.terms)
-    tracks, step_s = thinned(alone.tracks(), STEP_S) if posed else lean_tracks(alone, STEP_S)
+    used = [PREDICATES[term.predicate] for term in asked.query.activity.terms]
+    if any(one.keypoints for one in used):
+        tracks, step_s = thinned(alone.tracks(), STEP_S)
+    else:
+        tracks, step_s = lean_tracks(alone, STEP_S, sizes=any(one.sizes for one in used))
     places: Places = asked.places
     stage = stage_of(
         tracks,
@@ -138,9 +141,9 @@ def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Stage:
     return stage
 
 
-def lean_tracks(scene: Scene, step_s: float) -> tuple[Tracks, float]:
+def lean_tracks(scene: Scene, step_s: float, *, sizes: bool = False) -> tuple[Tracks, float]:
     """Rows of a scene without keypoints, :func:`thinned` and ordered by (track, time), and the time
-    between them.
+    between them; with ``sizes`` where they are asked for.
     """
     step = step_s
 
@@ -150,7 +153,7 @@ def lean_tracks(scene: Scene, step_s: float) -> tuple[Tracks, float]:
         order: np.ndarray = np.lexsort((time_s, track))
         return order if kept is None else order[kept[order]]
 
-    tracks = scene.lean_tracks(choose)
+    tracks = scene.lean_tracks(choose, sizes=sizes)
     return tracks, step
 
 

@@ -53,7 +53,12 @@ _Choice = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Takes track and time of every row, returns the numbers of the rows wanted."""
 _LEFT_OUT = {
     *("camera", "time", "class", "score", "shared_xx", "shared_xy", "shared_yy"),
+    *("z_m", "z_sigma_m"),
     *KEYPOINT_COLUMNS,
+}
+_SIZES = {
+    *("length_m", "width_m", "height_m"),
+    *("length_sigma_m", "width_sigma_m", "height_sigma_m"),
 }
 
 
@@ -193,12 +198,14 @@ class Scene:
         plans = [plan_svg(self.paths(one, _MOST_SHOWN).values()) for one in self.cameras[:1]]
         return beside(said, "".join(plans))
 
-    def lean_tracks(self, choose: _Choice) -> Tracks:
+    def lean_tracks(self, choose: _Choice, *, sizes: bool = False) -> Tracks:
         """All tracks without keypoints, scores and shared covariances, which take most memory and
-        time. Only the rows that ``choose(track, time_s)`` returns, in its order.
+        time, and without ``sizes`` where they are not asked for. Only the rows that
+        ``choose(track, time_s)`` returns, in its order.
         """
+        left_out = _LEFT_OUT if sizes else _LEFT_OUT | _SIZES
         kinds = " ".join(f"WHEN {text_sql(name)} THEN {code}" for code, name in enumerate(CLASSES))
-        names = [with_nan(column) for column in COLUMNS if column.name not in _LEFT_OUT]
+        names = [with_nan(column) for column in COLUMNS if column.name not in left_out]
         table = self.sql(
             f"SELECT {', '.join(names)}, (CASE class {kinds} END)::TINYINT AS class FROM scene"
         )

@@ -28,6 +28,7 @@ from scene4d.searching.predicates._relation import (
     moving_towards,
     together,
 )
+from scene4d.searching.predicates._size import longer_than, taller_than
 from scene4d.searching.predicates._turning import reversing, turning_left, turning_right, u_turning
 from scene4d.searching.predicates._visibility import (
     appears,
@@ -64,10 +65,10 @@ class Predicate:
     """``function(a, **parameters)``, or with b, or b and c, of :class:`StageRows`: a
     probability per row, NaN where it cannot be judged.
 
-    ``keypoints`` says that it looks at the body's keypoints, which are read from a scene only where
-    a predicate needs them. ``holds`` says where a predicate of two roles may hold: "within" the
-    distance ``tau_m`` (± ``sigma_m``), or "beyond" it, or None for any distance. In a ``symmetric``
-    one the roles may be swapped.
+    ``keypoints`` says that it looks at the body's keypoints, and ``sizes`` at lengths and heights,
+    which are read from a scene only where a predicate needs them. ``holds`` says where a predicate
+    of two roles may hold: "within" the distance ``tau_m`` (± ``sigma_m``), or "beyond" it, or None
+    for any distance. In a ``symmetric`` one the roles may be swapped.
     """
 
     name: str
@@ -75,6 +76,7 @@ class Predicate:
     parameters: Mapping[str, Parameter]
     function: _Function
     keypoints: bool = False
+    sizes: bool = False
     holds: Literal["within", "beyond"] | None = None
     symmetric: bool = False
 
@@ -83,6 +85,8 @@ _RANGES: dict[str, tuple[str, float, float]] = {
     "tau_m": ("m", 0.0, 1e4),
     "sigma_m": ("m", 0.01, 1e3),
     "radius_m": ("m", 0.1, 1e3),
+    "length_m": ("m", 0.1, 100.0),
+    "height_m": ("m", 0.1, 20.0),
     "speed_mps": ("m/s", 0.0, 100.0),
     "sigma_mps": ("m/s", 0.01, 50.0),
     "angle_rad": ("rad", 0.0, np.pi),
@@ -140,6 +144,8 @@ _ALL = (
     _predicate(inside),
     _predicate(crosses),
     _predicate(stooping),
+    _predicate(longer_than, sizes=True),
+    _predicate(taller_than, sizes=True),
     _predicate(crowded),
     _predicate(arm_moving_up, keypoints=True),
     _predicate(arm_moving_down, keypoints=True),

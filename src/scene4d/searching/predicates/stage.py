@@ -256,6 +256,16 @@ class StageRows:
         return self.stage.tracks.heading_sigma_rad[self.index]
 
     @cached_property
+    def size_m(self) -> Float[np.ndarray, "m 3"]:
+        """Length, width and height; NaN where unknown, as length and width of people are."""
+        return self.stage.tracks.size_m[self.index]
+
+    @cached_property
+    def size_sigma_m(self) -> Float[np.ndarray, "m 3"]:
+        """Their standard deviations."""
+        return self.stage.tracks.size_sigma_m[self.index]
+
+    @cached_property
     def box_xyxy(self) -> Float[np.ndarray, "m 4"]:
         """Box in the image; NaN where nobody was detected."""
         return self.stage.tracks.box_xyxy[self.index]
