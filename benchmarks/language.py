@@ -141,7 +141,9 @@ class _Wanted:
     gap_s: float | None = None
 
     def fits(self, phase: Phase, called: Mapping[str, str]) -> bool:
-        actual = [replace(t, roles=tuple(called[r] for r in t.roles)) for t in phase.terms]
+        actual = [
+            _affirmed(replace(t, roles=tuple(called[r] for r in t.roles))) for t in phase.terms
+        ]
         if len(actual) != len(self.terms) or not self._is_timed_as(phase):
             return False
         return all(any(_same(term, one, whole) for one in actual) for term, whole in self.terms)
@@ -155,7 +157,16 @@ class _Wanted:
         return math.isclose(phase.min_s, self.least_s) and phase.max_s == most
 
 
+def _affirmed(term: Term) -> Term:
+    """Who does not move stands: one statement, however it is said."""
+    other = {"moving": "stationary", "stationary": "moving", "near": "far", "far": "near"}
+    if not term.negated or term.predicate not in other:
+        return term
+    return replace(term, predicate=other[term.predicate], negated=False)
+
+
 def _same(wanted: Term, found: Term, whole: bool) -> bool:
+    wanted = _affirmed(wanted)
     roles = {wanted.roles, wanted.roles[::-1] if PREDICATES[wanted.predicate].symmetric else ()}
     if (wanted.predicate, wanted.negated) != (found.predicate, found.negated):
         return False

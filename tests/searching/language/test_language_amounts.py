@@ -26,7 +26,7 @@ def exactly(number, unit):
     return float(Fraction(number) * Fraction(unit))
 
 
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(numbers, st.sampled_from(sorted(METRES)), st.sampled_from(["", " "]))
 def test_distances(number, unit, space):
     wanted = exactly(number, METRES[unit])
@@ -36,14 +36,14 @@ def test_distances(number, unit, space):
     assert phase.terms[0].parameters == {"tau_m": wanted}
 
 
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(numbers, st.sampled_from(sorted(SECONDS)), st.sampled_from(["", " "]))
 def test_durations(number, unit, space):
     phase, _ = state_terms(f"person near vehicle for more than {number}{space}{unit}")
     assert (phase.min_s, phase.max_s) == (exactly(number, SECONDS[unit]), float("inf"))
 
 
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(numbers, st.sampled_from(sorted(SPEEDS)))
 def test_speeds(number, unit):
     wanted = exactly(number, SPEEDS[unit])
@@ -122,7 +122,7 @@ def test_times_of_day_stand_at_either_end(order):
     assert parsed("vehicle stops").window is None
 
 
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(st.integers(0, 1439), st.integers(0, 1439), st.integers(0, 1439))
 def test_a_window_holds_the_minutes_between(begin, end, minute):
     if begin == end:

@@ -1,6 +1,7 @@
 """Every phrase of the catalogue, in all its synonyms, is its activity."""
 
 import re
+from dataclasses import replace
 from itertools import product
 
 import pytest
@@ -10,6 +11,7 @@ from lemminflect import getInflection
 from words_scenes import LINES, ZONES
 
 from scene4d.core.errors import InputError
+from scene4d.searching.activities._terms import check_term
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
 from scene4d.searching.language import parse_query
@@ -31,7 +33,11 @@ OF_VERB = {
     "unload": ("person {} vehicle", "person_unloads_vehicle"),
     "stop": ("vehicle {}", "vehicle_stops"),
     "start": ("vehicle {}", "vehicle_starts"),
-    "turn": ("vehicle {} left", "vehicle_turns_left"),
+    "turn_left": ("vehicle {}", "vehicle_turns_left"),
+    "turn_right": ("vehicle {}", "vehicle_turns_right"),
+    "pass": ("person {} person", "passes"),
+    "overtake": ("person {} person", "overtakes"),
+    "part": ("people {}", "people_part"),
     "u_turn": ("vehicle {}", "vehicle_makes_u_turn"),
     "reverse": ("vehicle {}", "vehicle_reverses"),
     "drop_off": ("vehicle {} person", "vehicle_drops_off_person"),
@@ -130,10 +136,15 @@ def test_all_sets_of_verbs_are_tried():
 def test_the_lexicon_speaks_of_predicates_and_parameters_that_there_are():
     lexicon = read_lexicon()
     for entry in lexicon.states:
-        known = {*PREDICATES[entry.predicate].parameters, "lag_s"}
-        assert set(entry.values.values()) | set(entry.fixed) <= known, entry
-        assert all(name in PREDICATES for name in (*entry.replaces, entry.of_object) if name)
-    assert all(adjective.predicate in PREDICATES for adjective in lexicon.adjectives)
+        assert all(name in PREDICATES for name in entry.replaces), entry
+        first = PREDICATES[entry.holds[0].predicate]
+        assert all(set(usual) <= set(first.parameters) for usual in entry.by_kinds.values()), entry
+        for term in entry.holds:
+            given = {k: v for k, v in term.parameters.items() if str(v)[0] != "{"}
+            asked = {k: 1.0 for k, v in term.parameters.items() if str(v)[0] == "{"}
+            asked |= {"zone": "z", "line": "l", "side": "back"}
+            known = {**given, **{k: v for k, v in asked.items() if k in term.parameters}}
+            check_term(replace(term, parameters=known), "abc", PREDICATES)
 
 
 def test_words_of_the_lexicon_are_base_forms_or_stand_for_themselves():

@@ -57,7 +57,7 @@ def understood_or_refused(text):
         assert str(error).startswith(("search", "activity"))
 
 
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(st.text(max_size=80))
 @example("")
 @example("   ")
@@ -74,14 +74,14 @@ def test_random_text(text):
     understood_or_refused(text)
 
 
-@settings(max_examples=80)
+@settings(max_examples=30)
 @given(st.lists(st.sampled_from(STEADY) | st.sampled_from(WORDS + OTHERS), max_size=14))
 def test_random_words_that_are_known(words):
     """Half of them from those that often fit together."""
     understood_or_refused(" ".join(words))
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(st.data())
 def test_two_searches_joined_by_anything(data):
     clauses = st.sampled_from([
@@ -107,19 +107,19 @@ def test_two_searches_joined_by_anything(data):
         ("person enters vehicle xylophone", 23, "not a known word"),
         ("person enters zone entrence", 20, '"entrance"'),
         ("person crosses line gat", 21, '"gate"'),
-        ("person near vehicle or bus", 21, "search twice"),
-        ("person carries bag", 8, "carrying"),
+        ("person near a vehicle or stops", 23, "search twice"),
+        ("person carries bag", 8, "what comes closest"),
         ("person near vehicle within 3", 28, "needs a unit"),
         ("person near vehicle within 3 of", 28, "needs a unit"),
-        ("person near", 12, "a person or vehicle"),
+        ("person near vehicle and", 24, "it ends too early"),
         ("vehicle enters vehicle", 1, "a person is expected"),
-        ("person gets on a bicycle", 16, "bicycle"),
-        ("enters vehicle", 1, "who?"),
+        ("person gets on a bicycle", 8, "not seen"),
+        ("is not near", 4, "who?"),
         ("it stops", 1, "nobody was named"),
         ("person is in zone", 14, "which zone"),
         ("person ; enters @ vehicle", 17, "@"),
         ("person lowers arm then vehicle raises arm", 32, "person only"),
-        ("person within 10 s of vehicle", 18, "a unit"),
+        ("person within 10 s of vehicle", 23, "does what?"),
     ],
 )
 def test_the_place_and_the_remedy_are_named(text, position, says):

@@ -33,12 +33,15 @@ def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> N
                 raise InputError(f"phase {phase.name!r}: no terms, expected at least one")
             for term in phase.terms:
                 check_term(term, names, predicates)
+        names = [phase.name for phase in activity.phases]
+        if activity.state and activity.state not in names:
+            raise InputError(f"state: no phase {activity.state!r}{nearest(activity.state, names)}")
         for relation in activity.relations:
             check_relation(relation, [phase.name for phase in activity.phases])
         used = {role for term in activity.terms for role in term.roles}
-        for name in names:
-            if name not in used:
-                raise InputError(f"role {name!r}: is used in no phase")
+        for role in activity.roles:
+            if role.name not in used:
+                raise InputError(f"role {role.name!r}: is used in no phase")
     except InputError as error:
         raise InputError(f"activity {activity.name!r}: {error}") from None
 

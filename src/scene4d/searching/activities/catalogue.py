@@ -21,7 +21,7 @@ from scene4d.searching.activities._terms import check_term, parse_term
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
 from scene4d.searching.predicates._registry import PREDICATES, Predicate
 
-_ACTIVITY = ("description", "phrases", "labels", "roles", "phases", "relations")
+_ACTIVITY = ("description", "phrases", "labels", "roles", "phases", "relations", "state", "after")
 _PHASE = ("name", "lasts", "gap", "unseen", "holds")
 _BUILT_IN = "catalogue.yaml"
 
@@ -95,7 +95,7 @@ class _Reader:
         roles = tuple(
             self._role(key, value) for key, value in self._mapping(given["roles"]).items()
         )
-        names = [role.name for role in roles]
+        names = roles_named = [role.name for role in roles]
         phases = tuple(self._phase(value, names) for value in self._items(given["phases"]))
         names = [phase.name for phase in phases]
         with self._at(node):
@@ -108,6 +108,8 @@ class _Reader:
             self._words(given.get("phrases")),
             self._words(given.get("labels")),
             self._text(given["description"]) if "description" in given else "",
+            self._text(given["state"]) if "state" in given else "",
+            tuple(self._term(value, roles_named) for value in self._items(given.get("after"))),
         )
         with self._at(node):
             check_activity(activity, self._predicates)

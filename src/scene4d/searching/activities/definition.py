@@ -63,6 +63,8 @@ class Relation:
 class Activity:
     """Roles, phases in their order, and what is said of it.
 
+    A duration and a place ("stops for 10 s", "meet in zone yard") are said of the phase ``state``,
+    or of what is so ``after`` the last phase.
     ``phrases`` are ways to ask for it in words; ``labels`` its names in other people's data (MEVA).
     """
 
@@ -73,6 +75,8 @@ class Activity:
     phrases: tuple[str, ...] = ()
     labels: tuple[str, ...] = ()
     description: str = ""
+    state: str = ""
+    after: tuple[Term, ...] = ()
 
     @property
     def terms(self) -> tuple[Term, ...]:

@@ -4,21 +4,23 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from scene4d.core.errors import InputError
 from scene4d.searching.language._discourse import Discourse
 from scene4d.searching.language._doing import activity_of
-from scene4d.searching.language._saying import (
+from scene4d.searching.language._pieces import (
     Piece,
     during,
     in_order,
     shortest_of,
     state,
-    state_of,
     throughout,
 )
+from scene4d.searching.language._saying import nouns_of, pair_of, state_of
 from scene4d.searching.language._sentences import (
     Chain,
     Choice,
     Clause,
+    Delay,
     Done,
     Joined,
     Lasting,
@@ -32,7 +34,18 @@ def compose(order: Chain | Choice, discourse: Discourse) -> Piece:
     """The search as one piece. Of several readings the likeliest that makes sense is taken, with a
     note on the others. Raises :class:`InputError` where none makes sense.
     """
-    return _chosen(order, discourse, _chain)
+    return _chosen(order, discourse, _whole)
+
+
+def _whole(chain: Chain, discourse: Discourse) -> Piece:
+    piece = _chain(chain, discourse)
+    if piece.delay is not None:
+        said = discourse.said(piece.delay.span)
+        what = (
+            f'"{said}" of what? Say first what comes before, as in "vehicle stops, then {said} ..."'
+        )
+        raise discourse.refuse(piece.delay.span, what)
+    return piece
 
 
 def _chosen(
@@ -52,6 +65,8 @@ def _chain(chain: Chain, discourse: Discourse) -> Piece:
     whole = _chosen(chain.steps[0], discourse, _step)
     for step, pause, word in zip(chain.steps[1:], chain.pauses, chain.words, strict=True):
         piece = _chosen(step, discourse, _step)
+        if pause is None and piece.delay is not None:
+            pause = piece.delay.seconds
         if pause is None:
             pause = discourse.assumed("then_s" if word == "then" else "before_s")
             discourse.note(
@@ -79,11 +94,13 @@ def _together(first: Piece, second: Piece, link: str, span: Span, discourse: Dis
     """Two pieces at the same time, or in order where "and" cannot mean that."""
     if link == "while":
         return _while(first, second, span, discourse)
+    if second.delay is not None:
+        return in_order(first, second, second.delay.seconds)
     if first.is_event and second.is_event:
         return _and_then(first, second, discourse)
     if first.is_event or second.is_event:
         event, other = (first, second) if first.is_event else (second, first)
-        if other.is_instant or other.is_timed:
+        if other.is_instant or other.is_timed or other.is_motion:
             return _and_then(first, second, discourse)
         return throughout(event, other.terms)
     if _is_moment_in(first, second, discourse) or _is_moment_in(second, first, discourse):
@@ -127,7 +144,9 @@ def _merged(first: Piece, second: Piece, span: Span, discourse: Discourse) -> Pi
     both = [Lasting(one.least_s, one.most_s, span) for one in (first, second)]
     is_instant = first.is_instant or second.is_instant
     lasting = shortest_of(both, span, discourse)
-    return state((*first.terms, *second.terms), lasting, is_instant, discourse)
+    usual_s = max(first.phases[0].min_s, second.phases[0].min_s)
+    terms = (*first.terms, *second.terms)
+    return state(terms, lasting, is_instant, discourse, None if is_instant else usual_s)
 
 
 def _clause(clause: Clause | Choice, discourse: Discourse) -> Piece:
@@ -149,16 +168,59 @@ def _clause(clause: Clause | Choice, discourse: Discourse) -> Piece:
 
 
 def _read(clause: Clause, discourse: Discourse) -> Piece:
+    delay = next((part for part in clause.modifiers if isinstance(part, Delay)), None)
+    if clause.core is None:
+        said = discourse.said(clause.span)
+        what = f'"{said}" does what? Say for example "a person stands for 10 seconds"'
+        raise discourse.refuse(clause.span, what)
     if isinstance(clause.core, Done):
-        return activity_of(clause, clause.core, discourse)
-    assert isinstance(clause.core, Said)
-    return state_of(clause, clause.core, discourse)
+        piece = _done(clause, clause.core, discourse)
+    else:
+        assert isinstance(clause.core, Said)
+        piece = state_of(clause, clause.core, discourse)
+    return piece if delay is None else replace(piece, delay=delay)
 
 
-def _rank(clause: Clause) -> tuple[int, int]:
-    """Smaller is likelier: what is preferred here, then the reading with fewer loose parts."""
-    wants_state = clause.polarity.is_denied or clause.polarity.is_state
-    return (int(isinstance(clause.core, Done) == wants_state), len(clause.modifiers))
+def _done(clause: Clause, done: Done, discourse: Discourse) -> Piece:
+    """An activity; of two who cannot do it as one, one after the other."""
+    nouns = nouns_of(clause.subject)
+    if len(nouns) == 1 and nouns[0].count == 2:
+        nouns = pair_of(nouns[0])
+    if len(nouns) != 2:
+        return activity_of(clause, done, discourse)
+
+    def apart(_: None, known: Discourse) -> Piece:
+        first = activity_of(replace(clause, subject=nouns[0]), done, known)
+        objects = tuple(replace(n, article="definite", count=1) for n in done.nouns)
+        again = replace(done, nouns=objects)
+        second = activity_of(replace(clause, subject=nouns[1]), again, known)
+        return _and_then(first, second, known)
+
+    def whole(_: None, known: Discourse) -> Piece:
+        return activity_of(clause, done, known)
+
+    try:
+        ((_, piece, known),) = discourse.trying([None], whole)
+    except InputError:
+        ((_, piece, known),) = discourse.trying([None], apart)
+    discourse.adopt(known)
+    return piece
+
+
+def _rank(clause: Clause) -> tuple[int, int, bool]:
+    """Smaller is likelier: the reading with fewer loose parts, then what is preferred here.
+
+    A state is preferred where it is denied, said with "is", or said to last; the passive has a "be"
+    of its own.
+    """
+    core = clause.core
+    is_timed = any(isinstance(part, Lasting) for part in clause.modifiers)
+    wants_state = clause.polarity.is_denied or clause.polarity.is_state or is_timed
+    if isinstance(core, Done):
+        passive = any(one.is_passive for one in core.meant)
+        short = all(one.is_short for one in core.meant)
+        return (len(clause.modifiers), int(wants_state and not passive), short)
+    return (len(clause.modifiers), int(not wants_state), False)
 
 
 def _span(clause: Clause | Choice) -> Span:

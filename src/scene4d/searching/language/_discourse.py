@@ -11,17 +11,24 @@ from scene4d.searching.language._lexicon import Lexicon
 from scene4d.searching.language._sentences import Noun, Span
 from scene4d.searching.language._words import refuse
 
+NOBODY = (
+    "nobody leaves no track to search along; what comes closest: "
+    '"nobody is near a vehicle", or the moment before, as in "person leaves zone NAME"'
+)
 _Option = TypeVar("_Option")
 _Meant = TypeVar("_Meant")
 
 
 @dataclass(frozen=True)
 class _Referent:
-    """Somebody in a search: the name of the role, its kind, and the classes that may play it."""
+    """Somebody in a search: the name of the role, its kind, the classes that may play it, and at
+    least how many do so at the same time.
+    """
 
     name: str
     kind: str
     classes: tuple[str, ...]
+    count: int = 1
 
 
 @dataclass
@@ -77,18 +84,18 @@ class Discourse:
 
     def roles(self) -> tuple[Role, ...]:
         """Everybody as roles, in the order in which they came up."""
-        return tuple(Role(person.name, person.classes) for person in self.people.values())
+        return tuple(Role(one.name, one.classes, one.count) for one in self.people.values())
 
     def mention(self, name: str) -> None:
         """Somebody is spoken of again."""
         self.mentions = (*(other for other in self.mentions if other != name), name)
 
-    def add(self, kind: str, classes: Sequence[str], wanted: str) -> str:
+    def add(self, kind: str, classes: Sequence[str], wanted: str, count: int = 1) -> str:
         """Somebody new, under this name or the next that is free."""
         name, number = wanted, 2
         while name in self.people:
             name, number = f"{kind}_{number}", number + 1
-        self.people[name] = _Referent(name, kind, tuple(classes))
+        self.people[name] = _Referent(name, kind, tuple(classes), count)
         self.mention(name)
         return name
 
@@ -102,14 +109,24 @@ class Discourse:
         """The name of a noun's role, of somebody new where nobody known is meant."""
         if noun.article == "reciprocal":
             raise self.refuse(noun.span, '"each other" needs two, such as "two people"')
+        if noun.word == "another":
+            noun = self._as_last(noun)
         name = self.meant(noun, noun.classes, besides)
         self.remark(noun)
         if name is None:
-            return self.add(noun.kind, noun.classes, noun.kind)
+            wanted = "anything" if noun.kind == "any" else noun.kind
+            return self.add(noun.kind, noun.classes, wanted, noun.count)
         if noun.classes:
             self.narrow(name, noun.classes)
         self.mention(name)
         return name
+
+    def _as_last(self, noun: Noun) -> Noun:
+        """ "Another" is one as the last that was named."""
+        if not self.mentions:
+            raise self.refuse(noun.span, '"another" what? Say "another person", for example')
+        last = self.people[self.mentions[-1]]
+        return replace(noun, kind=last.kind, classes=last.classes)
 
     def meant(self, noun: Noun, classes: Sequence[str], besides: Collection[str]) -> str | None:
         """The name of whom a noun refers to among those known, None for somebody new.
@@ -124,6 +141,8 @@ class Discourse:
         ]
         if noun.article == "pronoun" and not fitting:
             raise self.refuse(noun.span, f'nobody was named whom "{noun.word}" could mean')
+        if noun.article == "none":
+            raise self.refuse(noun.span, NOBODY)
         if noun.article == "new" or not fitting:
             return None
         if noun.article == "indefinite":
@@ -147,7 +166,11 @@ class Discourse:
             return
         if entry.note:
             self.note(f'"{noun.word}" is taken as any {entry.kind}: {entry.note}')
-        if noun.is_plural and not may_be_plural:
+        if noun.count > 1:
+            self.note(
+                f'"{self.said(noun.span)}" is taken as at least {noun.count} at the same time'
+            )
+        elif noun.is_plural and not may_be_plural:
             self.note(f'"{self.said(noun.span)}" is taken as one {noun.kind} at a time')
         if not self.is_general(noun):
             *kinds, last = noun.classes
@@ -164,9 +187,10 @@ class Discourse:
 def adjective_terms(noun: Noun, name: str, besides: Sequence[str] = ()) -> tuple[Term, ...]:
     """What the words before a noun say of it; ``besides`` are predicates that are said already."""
     return tuple(
-        Term(adjective.predicate, (name,), {}, adjective.negated)
+        replace(term, roles=(name,))
         for adjective in noun.adjectives
-        if adjective.predicate not in besides
+        for term in adjective.holds
+        if term.predicate not in besides
     )
 
 

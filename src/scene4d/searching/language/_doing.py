@@ -1,17 +1,24 @@
 """Clauses with an activity of the catalogue."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from scene4d.searching.activities.definition import Phase, Role, Term
 from scene4d.searching.language._discourse import Discourse
-from scene4d.searching.language._saying import (
+from scene4d.searching.language._pieces import (
     Piece,
     distinct,
     duration,
-    known_subject,
+    speaks_of,
+    with_first,
+    with_names,
+    with_parameter,
+)
+from scene4d.searching.language._saying import (
     noun_terms,
     nouns_of,
+    pair_of,
     terms_of,
     with_distance,
 )
@@ -28,6 +35,8 @@ from scene4d.searching.language._sentences import (
 )
 
 NOT_OF_ACTIVITIES = '"not" denies a state, such as "is not near a vehicle", not an activity'
+_COUNTS = 'say "at least 3 people" of what they are, as in "at least 3 people are in zone NAME"'
+_AFTERWARDS = "stays so"
 _Who = Noun | str
 """Who plays a role: a noun, or the name of a known participant."""
 
@@ -55,14 +64,17 @@ class _Reading:
     clause: Clause
     done: Done
     discourse: Discourse
+    after: tuple[Term, ...] = ()
 
     def piece(self) -> Piece:
         """The activity with the roles, places, durations and distances of the clause."""
         activity, discourse = self.spoken.activity, self.discourse
+        self._check_voice()
         filled = self._filled()
         names = self._names(filled)
-        phases = tuple(_with_names(phase, names) for phase in activity.phases)
-        phases = self._placed(phases)
+        phases = tuple(with_names(phase, names) for phase in activity.phases)
+        self.after = with_names(Phase("", activity.after), names).terms
+        phases = self._counted(self._placed(phases))
         if self.clause.polarity.is_denied:
             phases = self._denied(phases)
         slots = dict(zip(self.spoken.roles, self.spoken.slots, strict=False))
@@ -70,7 +82,7 @@ class _Reading:
             if isinstance(noun, Noun):
                 said_already = slots[role].adjectives if role in slots else ()
                 said = noun_terms(noun, names[role], discourse, said_already)
-                phases = _with_first(phases, said, names[role])
+                phases = with_first(phases, said, names[role])
         subjects = self._subjects(names)
         phases = self._modified(phases, subjects)
         discourse.subject = subjects
@@ -84,15 +96,15 @@ class _Reading:
         slots, roles = list(spoken.slots), list(spoken.roles)
         filled: dict[str, _Who] = {}
         if spoken.has_subject:
-            subjects: Sequence[_Who] = nouns_of(self.clause.subject)
-            subjects = subjects or known_subject(self.clause, self.discourse)
             slot = slots.pop(0)
+            subjects = self._those_before(slot)
             for subject in subjects:
                 self._check(subject, slot)
             filled |= dict(zip(self._roles_of_subject(slot, subjects), subjects, strict=False))
             roles = roles[2 if slot.pair else 1 :]
         for slot, noun, role in zip(slots, self.done.nouns, roles, strict=True):
             self._check(noun, slot)
+            self._check_alone(noun)
             filled[role] = noun
         owner = self.done.owner
         if owner is not None:
@@ -106,13 +118,85 @@ class _Reading:
             filled[fitting[0]] = owner
         return filled
 
+    def _those_before(self, slot: Slot) -> Sequence[_Who]:
+        """The subjects: as said, else those of the clause before, else who else is known, else none
+        that is named.
+        """
+        discourse = self.discourse
+        nouns = nouns_of(self.clause.subject)
+        if len(nouns) == 1 and nouns[0].count == 2 and self._is_of_two(slot):
+            return pair_of(nouns[0])
+        if len(nouns) == 1 and not self._is_counted():
+            self._check_alone(nouns[0])
+        if nouns:
+            drives = (nouns[0].kind, slot.kind) == ("person", "vehicle")
+            is_known = nouns[0].article in ("definite", "pronoun", "bare")
+            return (drives and is_known and self._last_known("vehicle")) or nouns
+        known_kinds = {discourse.people[name].kind for name in discourse.subject}
+        if known_kinds and (slot.kind == "any" or known_kinds <= {slot.kind, "any"}):
+            return discourse.subject
+        known = self._last_known(slot.kind)
+        if not known:
+            said = discourse.said(self.clause.span)
+            discourse.note(f'nobody is named: "{said}" is taken of anybody who can')
+        return known
+
+    def _is_of_two(self, slot: Slot) -> bool:
+        """Whether the subjects may be two."""
+        roles = [role for role in self.spoken.activity.roles if kind_of(role) == slot.kind]
+        used = sum(one.kind == slot.kind for one in self.spoken.slots)
+        return slot.pair or len(roles) > used
+
+    def _is_counted(self) -> bool:
+        """Whether the activity says of how many it is."""
+        return any("count" in term.parameters for term in self.spoken.activity.terms)
+
+    def _check_alone(self, noun: Noun) -> None:
+        """Refuse more than one: activities are done by one, or by two."""
+        if noun.count > 1:
+            what = f"{self.spoken.activity.name} is not counted; {_COUNTS}"
+            raise self.discourse.refuse(noun.span, what)
+
+    def _last_known(self, kind: str) -> Sequence[_Who]:
+        """Whoever of a kind was named last, with a note: people who drive off are in a vehicle."""
+        people = self.discourse.people
+        known = [name for name in self.discourse.mentions if people[name].kind == kind]
+        if known:
+            said = self.discourse.said(self.clause.span)
+            self.discourse.note(f'"{said}" is taken of {known[-1]}')
+        return known[-1:]
+
+    def _check_voice(self) -> None:
+        """Refuse "is entering" for "is entered"."""
+        spoken, clause = self.spoken, self.clause
+        said = self.discourse.said(self.done.span)
+        is_active = re.match(r"(?!being)\w+ing\b", said) is not None
+        if spoken.is_passive:
+            has_be = clause.polarity.is_state or self.done.has_be
+            has_doer = any(
+                self.discourse.said(part.span).startswith("by ")
+                for part in clause.modifiers
+                if isinstance(part, Said)
+            )
+            is_wrong = is_active or (spoken.needs_be and (has_doer or not has_be))
+        else:
+            is_wrong = clause.polarity.is_state and not is_active and spoken.has_subject
+        if is_wrong:
+            raise self.discourse.refuse(clause.span, f'{spoken.activity.name} is not said "{said}"')
+
+    def _counted(self, phases: tuple[Phase, ...]) -> tuple[Phase, ...]:
+        """At least so many as are said make a crowd."""
+        counts = [noun.count for noun in nouns_of(self.clause.subject) if noun.count > 1]
+        is_counted = counts and self._is_counted()
+        return with_parameter(phases, "count", float(counts[0])) if is_counted else phases
+
     def _roles_of_subject(self, slot: Slot, subjects: Sequence[_Who]) -> Sequence[str]:
         """The roles of the subjects; the second of two takes a role that is not mentioned."""
         spoken = self.spoken
         if slot.pair:
             return spoken.roles[:2]
-        if len(subjects) == 1:
-            return spoken.roles[:1]
+        if len(subjects) < 2:
+            return spoken.roles[: len(subjects)]
         free = [
             role.name
             for role in spoken.activity.roles
@@ -129,10 +213,10 @@ class _Reading:
         span, adjectives = self.clause.span, set()
         if isinstance(who, Noun):
             kind, span = who.kind, who.span
-            adjectives = {adjective.predicate for adjective in who.adjectives}
+            adjectives = {one.holds[0].predicate for one in who.adjectives}
         else:
             kind = self.discourse.people[who].kind
-        if kind not in (slot.kind, "any"):
+        if kind not in (slot.kind, "any") and slot.kind != "any":
             raise self.discourse.refuse(span, f'a {slot.kind} is expected here: "{phrase}"')
         if not adjectives.issuperset(slot.adjectives):
             what = f'{self.spoken.activity.name} is said "{phrase}"'
@@ -151,7 +235,9 @@ class _Reading:
             classes = self._classes(role, filled.get(role.name))
             name = known[role.name]
             if name is None:
-                name = discourse.add(kind_of(role), classes, role.name)
+                who = filled.get(role.name)
+                kind = who.kind if isinstance(who, Noun) and who.kind != "any" else kind_of(role)
+                name = discourse.add(kind, classes, role.name)
             else:
                 discourse.narrow(name, classes)
                 discourse.mention(name)
@@ -168,34 +254,41 @@ class _Reading:
             return who
         discourse = self.discourse
         if who is not None:
-            name = discourse.meant(who, role.classes, taken)
+            is_new = who.word == "another"
+            name = None if is_new else discourse.meant(who, role.classes, taken)
             slots = zip(self.spoken.roles, self.spoken.slots, strict=False)
             discourse.remark(who, any(one == role.name and slot.is_plural for one, slot in slots))
             return name
-        fitting = [
-            name
-            for name in discourse.mentions
-            if name not in taken and set(discourse.people[name].classes) & set(role.classes)
-        ]
+        might = {n for n, one in discourse.people.items() if set(one.classes) & set(role.classes)}
+        fitting = [name for name in discourse.mentions if name in might and name not in taken]
         if is_first or not fitting:
             return None
         discourse.note(f"the {role.name} is taken as {fitting[-1]}, named before")
         return fitting[-1]
 
     def _classes(self, role: Role, who: _Who | None) -> tuple[str, ...]:
-        if not isinstance(who, Noun) or self.discourse.is_general(who):
+        if isinstance(who, str):
+            said = self.discourse.people[who].classes
+        elif who is None or not who.classes:
             return role.classes
-        if who.classes[0] not in role.classes:
-            what = f'{self.spoken.activity.name} is not for "{who.word}"'
-            raise self.discourse.refuse(who.span, what)
-        return tuple(name for name in role.classes if name in who.classes)
+        else:
+            said = who.classes
+        common = tuple(name for name in role.classes if name in said)
+        known = set(said) - {"vehicle"}
+        is_general = isinstance(who, Noun) and self.discourse.is_general(who)
+        if not common or not (is_general or known & set(role.classes)):
+            word = who if isinstance(who, str) else who.word
+            what = f'{self.spoken.activity.name} is not for "{word}"'
+            raise self.discourse.refuse(self.clause.span, what)
+        return common
 
     def _subjects(self, names: Mapping[str, str]) -> tuple[str, ...]:
         spoken = self.spoken
         if not spoken.has_subject:
             return tuple(names[role.name] for role in spoken.activity.roles[:1])
         count = 2 if spoken.slots[0].pair else 1
-        return tuple(names[role] for role in spoken.roles[:count])
+        roles = spoken.roles[:count] or tuple(role.name for role in spoken.activity.roles[:1])
+        return tuple(names[role] for role in roles)
 
     # How ------------------------------------------------------------------------------------------
 
@@ -203,7 +296,7 @@ class _Reading:
         """Use the zones and lines that are named in the activity."""
         for place in self.done.places:
             if place.name is not None:
-                phases = _with_parameter(phases, place.kind, place.name)
+                phases = with_parameter(phases, place.kind, place.name)
                 continue
             default = sorted(
                 {
@@ -224,20 +317,31 @@ class _Reading:
         return (replace(phases[0], terms=(replace(term, negated=not term.negated),)),)
 
     def _modified(self, phases: tuple[Phase, ...], subjects: tuple[str, ...]) -> tuple[Phase, ...]:
+        lasting = duration(self.clause, self.discourse)
+        is_timed = lasting.least is not None or lasting.most is not None
+        state = self.spoken.activity.state
+        has_place = any(isinstance(part, Said) for part in self.clause.modifiers)
+        if self.spoken.activity.after and (is_timed or has_place):
+            phases, state = (*phases, self._afterwards()), _AFTERWARDS
         for part in self.clause.modifiers:
             if isinstance(part, Bound):
                 phases = self._within(phases, part)
             elif isinstance(part, Said):
-                phases = self._also(phases, part, subjects)
-        lasting = duration(self.clause, self.discourse)
-        if lasting.least is None and lasting.most is None:
-            return phases
-        return self._lasts(phases, lasting)
+                phases = self._also(phases, part, subjects, state)
+        return self._lasts(phases, lasting, state) if is_timed else phases
+
+    def _afterwards(self) -> Phase:
+        """What is so after the activity, as a phase of its own."""
+        terms = self.after
+        least_s = self.discourse.assumed("state_min_s")
+        return Phase(_AFTERWARDS, terms, least_s, gap_s=self.discourse.assumed("after_s"))
 
     def _also(
-        self, phases: tuple[Phase, ...], said: Said, subjects: tuple[str, ...]
+        self, phases: tuple[Phase, ...], said: Said, subjects: tuple[str, ...], state: str
     ) -> tuple[Phase, ...]:
-        """Further statements hold in every phase that mentions the subject."""
+        """Further statements hold in the phase that lasts, where the catalogue names one, else in
+        every phase that mentions the subject.
+        """
         if said.entry.instant:
             words = self.discourse.said(said.span)
             what = f'"{words}" is a moment; say "and then ..." for it'
@@ -246,7 +350,7 @@ class _Reading:
             terms = terms_of(said, subject, self.discourse)
             phases = tuple(
                 replace(phase, terms=distinct((*phase.terms, *terms)))
-                if _speaks_of(phase, subject)
+                if (phase.name == state if state else speaks_of(phase, subject))
                 else phase
                 for phase in phases
             )
@@ -265,24 +369,25 @@ class _Reading:
             for phase, there in zip(phases, has, strict=True)
         )
 
-    def _lasts(self, phases: tuple[Phase, ...], lasting: Lasting) -> tuple[Phase, ...]:
-        """Give the stated duration to the phase that may last longest."""
-        longest = max(phase.max_s for phase in phases)
-        which = [number for number, phase in enumerate(phases) if phase.max_s == longest]
-        if len(which) > 1:
-            named = ", ".join(f'"{phase.name}"' for phase in phases)
+    def _lasts(self, phases: tuple[Phase, ...], lasting: Lasting, state: str) -> tuple[Phase, ...]:
+        """Give the stated duration to the phase that the catalogue names, or the only one."""
+        activity = self.spoken.activity
+        names = [phase.name for phase in phases]
+        if len(phases) > 1 and not state:
+            named = ", ".join(f'"{name}"' for name in names)
             raise self.discourse.refuse(
                 lasting.span,
-                f"which part of {self.spoken.activity.name} lasts so long ({named}) cannot be told",
+                f"which part of {activity.name} lasts so long ({named}) cannot be told",
             )
-        phase = phases[which[0]]
+        at = names.index(state) if state else 0
+        phase = phases[at]
         most = float("inf") if lasting.most is None else lasting.most
         least = min(phase.min_s, most) if lasting.least is None else lasting.least
         if len(phases) > 1:
             said = self.discourse.said(lasting.span)
             self.discourse.note(f'"{said}" is said of the phase "{phase.name}"')
         changed = replace(phase, min_s=least, max_s=most)
-        return (*phases[: which[0]], changed, *phases[which[0] + 1 :])
+        return (*phases[:at], changed, *phases[at + 1 :])
 
 
 def _order(role: Role, filled: Mapping[str, _Who]) -> tuple[int, int]:
@@ -291,29 +396,3 @@ def _order(role: Role, filled: Mapping[str, _Who]) -> tuple[int, int]:
     if isinstance(who, str):
         return (0, 0)
     return (2, 0) if who is None else (1, who.span[0])
-
-
-def _with_names(phase: Phase, names: Mapping[str, str]) -> Phase:
-    terms = tuple(
-        replace(term, roles=tuple(names[role] for role in term.roles)) for term in phase.terms
-    )
-    return replace(phase, terms=terms)
-
-
-def _with_parameter(phases: tuple[Phase, ...], key: str, value: str) -> tuple[Phase, ...]:
-    def changed(term: Term) -> Term:
-        given = term.parameters
-        return replace(term, parameters={**given, key: value}) if key in given else term
-
-    return tuple(replace(p, terms=tuple(map(changed, p.terms))) for p in phases)
-
-
-def _with_first(phases: tuple[Phase, ...], terms: tuple[Term, ...], role: str) -> tuple[Phase, ...]:
-    """These hold in the role's first phase: the parked vehicle that starts was parked."""
-    first = next((n for n, phase in enumerate(phases) if _speaks_of(phase, role)), 0)
-    here = replace(phases[first], terms=distinct((*phases[first].terms, *terms)))
-    return (*phases[:first], here, *phases[first + 1 :])
-
-
-def _speaks_of(phase: Phase, role: str) -> bool:
-    return any(role in term.roles for term in phase.terms)

@@ -1,51 +1,66 @@
-"""The words of a search: read from ``lexicon.yaml``, and the base form of a word."""
+"""The words of a search: read from ``lexicon.yaml``, ``states.yaml`` and ``refusals.yaml``, and the
+base form of a word.
+"""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 import yaml
+
+from scene4d.searching.activities._terms import parse_term
+from scene4d.searching.activities.definition import Term
+from scene4d.searching.predicates._registry import PREDICATES
 
 _VERB_BEFORE_NOUN = ("VERB", "AUX", "NOUN", "ADJ", "ADV")
 
 
 @dataclass(frozen=True)
 class _NounEntry:
-    """Words for whoever may play a role of ``kind``; ``note`` says what they claim too much."""
+    """Words for whoever may play a role of ``kind``; ``note`` says what they claim too much,
+    ``adjective`` what they say of him besides. ``none`` are those for nobody.
+    """
 
     kind: str
     classes: tuple[str, ...]
     words: tuple[str, ...]
     indefinite: tuple[str, ...] = ()
+    none: tuple[str, ...] = ()
     note: str = ""
+    adjective: str = ""
 
 
 @dataclass(frozen=True)
 class StateEntry:
-    """What a clause may say: a predicate, the patterns of words for it, and where values go."""
+    """What a clause may say: terms of a, b and c, the patterns of words for them, and how they are
+    meant; see the comments of ``states.yaml``.
+    """
 
-    predicate: str
+    holds: tuple[Term, ...]
     verb: tuple[str, ...] = ()
     relation: tuple[str, ...] = ()
-    values: Mapping[str, str] = field(default_factory=dict)
-    fixed: Mapping[str, float] = field(default_factory=dict)
-    of_object: str = ""
+    by_kinds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     subject: str = ""
-    replaces: tuple[str, ...] = ()
-    negated: bool = False
+    object: str = ""
+    least_s: float | None = None
+    becomes: tuple[bool, ...] = ()
+    settles: bool = False
     instant: bool = False
-    becomes: bool = False
+    mutual: bool = False
+    crowd: Term | None = None
+    replaces: tuple[str, ...] = ()
+    bare: bool = False
 
 
 @dataclass(frozen=True)
 class Adjective:
-    """Words before a noun that say a predicate of it."""
+    """Words before a noun that say something of it: terms of a."""
 
-    predicate: str
+    holds: tuple[Term, ...]
     words: tuple[str, ...]
-    negated: bool = False
 
 
 @dataclass(frozen=True)
@@ -56,9 +71,18 @@ class _VerbSet:
     before: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Refusal:
+    """What is understood and cannot be answered: the words, why, and what comes closest."""
+
+    words: tuple[str, ...]
+    why: str
+    closest: str
+
+
 @dataclass(frozen=True, eq=False)
 class Lexicon:
-    """``lexicon.yaml`` as it stands there; see the comments of that file."""
+    """The three files as they stand there; see their comments."""
 
     nouns: tuple[_NounEntry, ...]
     pronouns: Mapping[str, tuple[str, ...]]
@@ -70,8 +94,7 @@ class Lexicon:
     sets: Mapping[str, tuple[str, ...]]
     adjectives: tuple[Adjective, ...]
     states: tuple[StateEntry, ...]
-    refused: Mapping[str, str]
-    notes: Mapping[str, str]
+    refusals: tuple[Refusal, ...]
     units: Mapping[str, tuple[tuple[Fraction, tuple[str, ...]], ...]]
     numbers: tuple[tuple[Fraction, tuple[str, ...]], ...]
     clock: Mapping[str, str]
@@ -81,6 +104,10 @@ class Lexicon:
     def noun(self, word: str) -> _NounEntry | None:
         """The entry that has this word."""
         return next((entry for entry in self.nouns if word in entry.words), None)
+
+    def adjective(self, word: str) -> Adjective:
+        """The adjective that has this word."""
+        return next(entry for entry in self.adjectives if word in entry.words)
 
 
 @cache
@@ -100,20 +127,45 @@ def base_forms(word: str) -> tuple[str, ...]:
 @cache
 def read_lexicon() -> Lexicon:
     """The lexicon of this package."""
-    text = files(__package__).joinpath("lexicon.yaml").read_text(encoding="utf-8")
-    data = yaml.safe_load(text)
+    data = _yaml("lexicon.yaml")
     return Lexicon(
         nouns=tuple(_NounEntry(**_tuples(entry)) for entry in data["nouns"]),
         verbs={name: _verb_set(value) for name, value in data["verbs"].items()},
         separable=tuple(data["separable"]),
         joined=tuple(data["joined"]),
-        adjectives=tuple(Adjective(**_tuples(entry)) for entry in data["adjectives"]),
-        states=tuple(StateEntry(**_tuples(entry)) for entry in data["states"]),
+        adjectives=tuple(Adjective(**_tuples(_terms(entry))) for entry in data["adjectives"]),
+        states=tuple(StateEntry(**_tuples(_terms(entry))) for entry in _yaml("states.yaml")),
+        refusals=tuple(Refusal(**_tuples(entry)) for entry in _yaml("refusals.yaml")),
         units={name: _by_factor(table) for name, table in data["units"].items()},
         numbers=_by_factor(data["numbers"]),
         **{name: _tuples(data[name]) for name in ("pronouns", "articles", "things", "sets", "day")},
         assumed={name: float(value) for name, value in data["assumed"].items()},
-        **{name: data[name] for name in ("refused", "notes", "clock")},
+        clock=data["clock"],
+    )
+
+
+def _yaml(name: str) -> Any:
+    return _with_floats(yaml.safe_load(files(__package__).joinpath(name).read_text("utf-8")))
+
+
+def _with_floats(value: Any) -> Any:
+    """The same with whole numbers as floats."""
+    if isinstance(value, dict):
+        return {key: _with_floats(one) for key, one in value.items()}
+    if isinstance(value, list):
+        return [_with_floats(one) for one in value]
+    return float(value) if type(value) is int else value
+
+
+def _terms(entry: Mapping) -> dict:
+    """An entry with its texts of predicates as terms."""
+    read = {key: entry[key] for key in ("holds", "crowd") if key in entry}
+    return {**entry, **{key: _term(value) for key, value in read.items()}}
+
+
+def _term(value: Any) -> Any:
+    return (
+        [_term(one) for one in value] if isinstance(value, list) else parse_term(value, PREDICATES)
     )
 
 

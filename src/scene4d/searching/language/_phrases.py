@@ -25,12 +25,35 @@ class _OpenVocabulary(Vocabulary):
         return super().word(surface) or next(iter(base_forms(lower)), lower)
 
 
+@dataclass(frozen=True)
+class _Said:
+    """A phrase: its pieces, and the roles of its slots."""
+
+    pieces: list[_Piece]
+    roles: tuple[str, ...]
+
+    @property
+    def has_subject(self) -> bool:
+        """Whether a slot stands first."""
+        return isinstance(self.pieces[0], Slot)
+
+    @property
+    def rest(self) -> list[_Piece]:
+        """The words after the subject."""
+        return self.pieces[1:] if self.has_subject else self.pieces
+
+    def spoken(self, activity: Activity, **how: bool) -> Spoken:
+        """The activity, said so."""
+        slots = tuple(piece for piece in self.pieces if isinstance(piece, Slot))
+        return Spoken(activity, slots, self.roles, self.has_subject, **how)
+
+
 class PhraseReader:
     """Reads phrases with the words of a lexicon."""
 
     def __init__(self, lexicon: Lexicon, words: Mapping[str, str]) -> None:
         self._lexicon = lexicon
-        self._vocabulary = _OpenVocabulary(words, lexicon)
+        self._vocabulary = _OpenVocabulary(words, lexicon, None)
         self._adjectives = {word: entry for entry in lexicon.adjectives for word in entry.words}
         articles = {word for words in lexicon.articles.values() for word in words}
         self._silent = articles | set(lexicon.sets["auxiliary"]) | {"be", "do", "have"}
@@ -38,23 +61,61 @@ class PhraseReader:
     def read(self, activity: Activity, phrase: str) -> Iterator[tuple[Spoken, list[_Piece]]]:
         """What the phrase says, with its words after the subject.
 
-        A phrase in the passive is also said with "by" and whoever does it. Raises
-        :class:`InputError` for a phrase without a verb, and for one that speaks of somebody for
-        whom the activity has no role.
+        A phrase is also said in the passive, with "by" and whoever does it or without, and without
+        its last slot. Raises :class:`InputError` for a phrase without a verb, and for one that
+        speaks of somebody for whom the activity has no role.
         """
         passive, pieces = self._pieces(phrase)
-        said = [pieces]
-        if passive and isinstance(pieces[0], Slot):
-            doer = kind_of(activity.roles[0])
-            said.append([*pieces, "by", Slot(doer)])
-        for words in said:
-            slots = tuple(piece for piece in words if isinstance(piece, Slot))
-            has_subject = isinstance(words[0], Slot)
-            rest = words[1:] if has_subject else words
-            if not any(isinstance(piece, str) and piece[0] != "{" for piece in rest):
-                raise InputError(f'activity {activity.name!r}: the phrase "{phrase}" has no verb')
-            roles = _roles_of(activity, phrase, slots)
-            yield Spoken(activity, slots, roles, has_subject), rest
+        slots = tuple(piece for piece in pieces if isinstance(piece, Slot))
+        said = _Said(pieces, _roles_of(activity, phrase, slots))
+        if not any(isinstance(piece, str) and piece[0] != "{" for piece in said.rest):
+            raise InputError(f'activity {activity.name!r}: the phrase "{phrase}" has no verb')
+        yield said.spoken(activity, is_passive=passive, needs_be=passive), said.rest
+        if passive and said.has_subject:
+            doer = Slot(kind_of(activity.roles[0]))
+            roles = _roles_of(activity, phrase, (*slots, doer))
+            with_doer = _Said([*pieces, "by", doer], roles)
+            yield with_doer.spoken(activity, is_passive=True), with_doer.rest
+        elif said.has_subject:
+            yield from self._otherwise(activity, said)
+
+    def _otherwise(
+        self, activity: Activity, said: "_Said"
+    ) -> Iterator[tuple[Spoken, list[_Piece]]]:
+        """A phrase in the active without its last slot, and in the passive."""
+        *before, last = said.pieces
+        if isinstance(last, Slot) and len(said.roles) > 1 and isinstance(before[-1], str):
+            short = _Said(before, said.roles[:-1])
+            yield short.spoken(activity, is_short=True), short.rest
+        target = self._object_at(said.pieces)
+        if target is None or said.pieces[0].pair:  # type: ignore[union-attr]
+            return
+        doer, *verb = said.pieces[:target]
+        goal = said.pieces[target : target + 1]
+        rest = said.pieces[target + 1 :]
+        if isinstance(goal[0], str):
+            goal, rest = said.pieces[target:], []
+        first, *others = said.roles
+        by = _Said([*goal, *verb, *rest, "by", doer], (*others, first))
+        yield by.spoken(activity, is_passive=True), by.rest
+        bare = _Said([*goal, *verb, *rest], tuple(others))
+        yield bare.spoken(activity, is_passive=True, needs_be=True), bare.rest
+
+    def _object_at(self, pieces: Sequence[_Piece]) -> int | None:
+        """Where the object of a phrase stands: a second slot, or a thing at the end."""
+        things = {
+            word
+            for name, words in self._lexicon.things.items()
+            if name != "object"
+            for word in words
+        }
+        for at in range(2, len(pieces)):
+            piece = pieces[at]
+            if isinstance(piece, Slot):
+                return at
+            if " ".join(str(one) for one in pieces[at:]) in things:
+                return at
+        return None
 
     def _pieces(self, phrase: str) -> tuple[bool, list[_Piece]]:
         """Words and slots; articles and auxiliaries say nothing and are left out."""
@@ -70,7 +131,7 @@ class PhraseReader:
             elif word == "two" and self._lexicon.noun(following):
                 pair = True
             elif word in self._adjectives and self._lexicon.noun(following):
-                adjectives.append(self._adjectives[word].predicate)
+                adjectives.append(self._adjectives[word].holds[0].predicate)
             elif word in ("zone", "line"):
                 pieces.append("{" + word + "}")
             elif word in self._silent:
@@ -81,23 +142,25 @@ class PhraseReader:
             raise InputError(f'the phrase "{phrase}" says nothing')
         return passive, pieces
 
-    def ways(self, rest: Sequence[_Piece]) -> Iterator[tuple[str, ...]]:
-        """All ways to say these words, as symbols of the grammar; a plain word is ``<word>``."""
+    def ways(self, rest: Sequence[_Piece], is_short: bool = False) -> Iterator[tuple[str, ...]]:
+        """All ways to say these words, as symbols of the grammar; a plain word is ``<word>``. In
+        what ``is_short`` verbs need not stand before what they are limited to.
+        """
         if not rest:
             yield ()
             return
         first = rest[0]
         if isinstance(first, Slot) or first.startswith("{"):
             name = "noun" if isinstance(first, Slot) else first.strip("{}")
-            yield from ((name, *tail) for tail in self.ways(rest[1:]))
+            yield from ((name, *tail) for tail in self.ways(rest[1:], is_short))
             return
-        sets = self._sets_at(tuple(rest))
+        sets = self._sets_at(tuple(rest), is_short)
         for name, length in sets:
-            for tail in self.ways(rest[length:]):
+            for tail in self.ways(rest[length:], is_short):
                 yield (name, *tail)
                 yield from self._separated(name, tail)
         if not sets:
-            yield from ((f"<{first}>", *tail) for tail in self.ways(rest[1:]))
+            yield from ((f"<{first}>", *tail) for tail in self.ways(rest[1:], is_short))
 
     def _separated(self, name: str, tail: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
         """ "picks up person" as "picks person up"."""
@@ -109,14 +172,16 @@ class PhraseReader:
                 verb, particle = words.split()
                 yield (f"<{verb}>", tail[0], f"<{particle}>", *tail[1:])
 
-    def _sets_at(self, rest: tuple[_Piece, ...]) -> list[tuple[str, int]]:
+    def _sets_at(self, rest: tuple[_Piece, ...], is_short: bool) -> list[tuple[str, int]]:
         """Sets of synonyms that begin here, with how many words they take: the longest only."""
         found: dict[tuple[str, int], None] = {}
         sets = [(f"v_{name}", s.words, s.before) for name, s in self._lexicon.verbs.items()]
         sets += [(f"t_{name}", words, ()) for name, words in self._lexicon.things.items()]
         for name, patterns, before in sets:
             for words in (tuple(w) for pattern in patterns for w in spelled(pattern)):
-                if rest[: len(words)] == words and self._fits(rest[len(words) :], before):
+                if rest[: len(words)] == words and self._fits(
+                    rest[len(words) :], () if is_short else before
+                ):
                     found[name, len(words)] = None
         longest = max((length for _, length in found), default=0)
         return [item for item in found if item[1] == longest]

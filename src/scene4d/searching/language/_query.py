@@ -11,15 +11,16 @@ from lark.exceptions import UnexpectedEOF, UnexpectedInput, UnexpectedToken
 from scene4d.core.errors import InputError
 from scene4d.searching.activities._checking import check_activity
 from scene4d.searching.activities._terms import term_text
-from scene4d.searching.activities.definition import Activity, Phase
+from scene4d.searching.activities.definition import Activity, Phase, Role
 from scene4d.searching.language._composing import compose
 from scene4d.searching.language._discourse import Discourse
 from scene4d.searching.language._grammar import Grammar, build_grammar
 from scene4d.searching.language._lexicon import Lexicon
+from scene4d.searching.language._pieces import Piece
 from scene4d.searching.language._reading import read_tree
-from scene4d.searching.language._saying import Piece
+from scene4d.searching.language._refusals import refusal_at
 from scene4d.searching.language._sentences import Clock, options_of
-from scene4d.searching.language._words import Word, read_words, refuse
+from scene4d.searching.language._words import Word, read_words, refuse, refused
 from scene4d.searching.predicates._registry import PREDICATES
 
 _MOST_EXPECTED = 12
@@ -80,6 +81,9 @@ def parse_query(
     position (characters from 1) and, for a word, the nearest known ones; also for numbers that
     cannot be, and for somebody or a place that is not there.
     """
+    by_name = _by_name(text, catalogue)
+    if by_name is not None:
+        return Query(text, by_name, [term_text(term) for term in by_name.terms], None, [])
     grammar = build_grammar(catalogue.values())
     words = read_words(text, grammar.vocabulary(tuple(zones), tuple(lines)))
     read, notes = read_tree(_parse(text, words, grammar), text, grammar)
@@ -93,13 +97,15 @@ def parse_query(
     check_activity(activity, PREDICATES)
     window = _window_of(sentence.clocks, discourse, notes)
     terms = [term_text(term) for phase in activity.phases for term in phase.terms]
-    notes = [*discourse.notes, *_word_notes(words, activity, grammar), *notes]
+    notes = [*discourse.notes, *notes]
     return Query(text, activity, terms, window, notes)
 
 
 def explain(activity: Activity, window: Window | None, notes: Sequence[str]) -> list[str]:
     """The decomposition as text: who, the phases with their durations and terms, when, notes."""
-    lines = [f"{role.name}: {' or '.join(role.classes)}" for role in activity.roles]
+    lines = [
+        f"{role.name}: {_at_least(role)}{' or '.join(role.classes)}" for role in activity.roles
+    ]
     for number, phase in enumerate(activity.phases, 1):
         lines.append(f"{number}. {phase.name}{_lasting(phase)}{_pause(phase, number)}")
         lines += [f"   {term_text(term)}" for term in phase.terms]
@@ -107,6 +113,14 @@ def explain(activity: Activity, window: Window | None, notes: Sequence[str]) -> 
     if window is not None:
         lines.append(f"time of day: {window}")
     return [*lines, *(f"note: {note}" for note in notes)]
+
+
+def _at_least(role: Role) -> str:
+    return (
+        f"at least {role.count} at the same time, one of them throughout, "
+        if role.count > 1
+        else ""
+    )
 
 
 def _lasting(phase: Phase) -> str:
@@ -119,6 +133,15 @@ def _pause(phase: Phase, number: int) -> str:
     return f", at most {phase.gap_s:g} s later" if number > 1 and phase.gap_s else ""
 
 
+def _by_name(text: str, catalogue: Mapping[str, Activity]) -> Activity | None:
+    """The activity whose name, or name in other people's data, the text is; such names have "_"."""
+    name = text.strip().casefold()
+    if "_" not in name:
+        return None
+    found = (one for one in catalogue.values() if name in (one.name.casefold(), *one.labels))
+    return catalogue.get(name) or next(found, None)
+
+
 def _activity(
     piece: Piece, discourse: Discourse, text: str, catalogue: Mapping[str, Activity]
 ) -> Activity:
@@ -129,18 +152,6 @@ def _activity(
     if known is not None:
         return replace(known, roles=roles, phases=piece.phases, relations=piece.relations)
     return Activity(" ".join(text.split()), roles, piece.phases, piece.relations)
-
-
-def _word_notes(words: Sequence[Word], activity: Activity, grammar: Grammar) -> list[str]:
-    """Notes on words that are taken for less than they say."""
-    moves = any(t.predicate == "moving" for phase in activity.phases for t in phase.terms)
-    table = grammar.lexicon.notes if moves else {}
-    return [
-        table[form].format(word=word.surface)
-        for form in table
-        for word in words
-        if word.kind == "word" and form == word.value
-    ]
 
 
 def _window_of(clocks: Sequence[Clock], discourse: Discourse, notes: list[str]) -> Window | None:
@@ -160,8 +171,9 @@ def _window_of(clocks: Sequence[Clock], discourse: Discourse, notes: list[str]) 
     else:
         begin = 0.0 if clock.begin is None else clock.begin
         end = _DAY_S if clock.end is None else clock.end
-        if begin == end:
-            raise discourse.refuse(clock.span, f'"{said}" holds no time')
+        if begin == end or ((begin, end) == (0.0, _DAY_S) and None in (clock.begin, clock.end)):
+            what = f'"{said}" holds no time, or all; say "between midnight and 6 am", for example'
+            raise discourse.refuse(clock.span, what)
         window = Window(begin % _DAY_S, end)
     if window.begin_s >= window.end_s:
         notes.append(f"the time of day {window} goes over midnight")
@@ -173,17 +185,34 @@ def _window_of(clocks: Sequence[Clock], discourse: Discourse, notes: list[str]) 
 
 def _parse(text: str, words: Sequence[Word], grammar: Grammar) -> Tree:
     try:
-        return grammar.parser.parse(grammar.tokens(words))
-    except UnexpectedToken as error:
-        raise _unexpected(text, error, words, grammar) from None
-    except UnexpectedEOF as error:
+        return grammar.parse(words)
+    except UnexpectedInput as error:
+        known = _refused_in(text, words, grammar)
+        raise known or _not_understood(text, error, words, grammar) from None
+
+
+def _not_understood(
+    text: str, error: UnexpectedInput, words: Sequence[Word], grammar: Grammar
+) -> InputError:
+    if isinstance(error, UnexpectedToken):
+        return _unexpected(text, error, words, grammar)
+    if isinstance(error, UnexpectedEOF):
         last = words[-1]
         if last.kind == "number":
-            raise _no_unit(text, last) from None
+            return _no_unit(text, last)
         known = _spoken(error.expected, grammar)
-        raise refuse(text, last.end, f'it ends too early after "{last.surface}"; {known}') from None
-    except UnexpectedInput as error:
-        raise InputError(f'search "{text}": it is not understood: {error}') from None
+        return refuse(text, last.end, f'it ends too early after "{last.surface}"; {known}')
+    return InputError(f'search "{text}": it is not understood: {error}')
+
+
+def _refused_in(text: str, words: Sequence[Word], grammar: Grammar) -> InputError | None:
+    """The refusal of a word that may also mean something else, where it cannot here."""
+    for word in words:
+        if word.kind == "word":
+            found = refusal_at(text, word.start, False, grammar.lexicon)
+            if found is not None:
+                return refused(text, word.start, *found)
+    return None
 
 
 def _unexpected(
@@ -193,6 +222,10 @@ def _unexpected(
     word = next((word for word in words if word.start == start), words[-1])
     before = [other for other in words if other.end <= start]
     units = _kinds(grammar.lexicon)["a unit"]
+    either = next((other for other in (*before[-1:], word) if other.value == "or"), None)
+    if either is not None:
+        what = '"or" stands between nouns, as in "a car or a truck"; one search asks for one thing'
+        return refuse(text, either.start, f"{what}: search twice, for this and for that")
     if before and before[-1].kind == "number" and word.value not in units:
         return _no_unit(text, before[-1])
     after = f' after "{before[-1].surface}"' if before else " at the beginning"
@@ -229,7 +262,7 @@ def _kinds(lexicon: Lexicon) -> dict[str, frozenset[str]]:
         return frozenset(p.split()[0] for p in patterns if p[0] not in "{$")
 
     nouns = [*(w for e in lexicon.nouns for w in e.words), *_flat(lexicon.articles)]
-    nouns += [*_flat(lexicon.pronouns), *(w for e in lexicon.adjectives for w in e.words)]
+    nouns += [*_flat(lexicon.pronouns), *(w for a in lexicon.adjectives for w in a.words)]
     verbs = [w for e in lexicon.verbs.values() for w in e.words]
     verbs += [w for e in lexicon.states for w in e.verb] + list(lexicon.sets["auxiliary"])
     relations = [w for e in lexicon.states for w in e.relation]

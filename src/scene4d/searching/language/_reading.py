@@ -6,21 +6,22 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
-from lark import Token, Transformer, Tree, v_args
+from lark import Token, Tree, v_args
 from lark.exceptions import VisitError
 
+from scene4d.core.tracks import CLASSES
 from scene4d.searching.language._doing import NOT_OF_ACTIVITIES
 from scene4d.searching.language._grammar import Grammar
-from scene4d.searching.language._lexicon import Adjective, Lexicon, base_forms
+from scene4d.searching.language._lexicon import Adjective, StateEntry, base_forms
 from scene4d.searching.language._sentences import (
     Bound,
     Chain,
     Choice,
     Clause,
     Clock,
+    Delay,
     Done,
     Joined,
-    Lasting,
     Noun,
     Pair,
     Place,
@@ -30,18 +31,21 @@ from scene4d.searching.language._sentences import (
     Span,
     options_of,
 )
-from scene4d.searching.language._words import Amount, amount_of, read_clock, read_number, refuse
+from scene4d.searching.language._times import (
+    CLOCKS,
+    Mark,
+    TimeReader,
+    all_of,
+    first_of,
+    span_of,
+)
+from scene4d.searching.language._words import Amount, amount_of, read_number, refuse
 from scene4d.searching.predicates._relation import SIDES
 
 _WEIGHED = (Clause, Done, Said, Chain, Joined, Sentence)
 """Where these have several readings, the composer takes the one that makes sense."""
-_CLOCKS = {
-    "between_clock": ("begin", "end"),
-    "after_clock": ("begin",),
-    "before_clock": ("end",),
-    "at_clock": ("at",),
-}
-"""What the times of day in a rule are."""
+_SEVERAL, _MOST_COUNTED = 3, 100
+"""How many several are, and the largest number of people that can be asked for; chosen by hand."""
 _BOUNDS = {"within": "near", "beyond": "far"}
 _TRANSPARENT = (
     *("activity", "whole", "state", "relation", "predication", "subject", "article", "pronoun"),
@@ -51,11 +55,10 @@ _TRANSPARENT = (
 
 
 @dataclass(frozen=True)
-class _Mark:
-    """A rule that only records which words were used."""
+class _Front:
+    """What a modifier before its clause says."""
 
-    name: str
-    words: tuple[str, ...] = ()
+    said: Any
 
 
 @dataclass(frozen=True)
@@ -66,18 +69,6 @@ class _Owner:
 @dataclass(frozen=True)
 class _Pause:
     seconds: float | None
-
-
-def _all(children: Iterable[Any], *kinds: type) -> list[Any]:
-    return [child for child in children if isinstance(child, kinds)]
-
-
-def _first(children: Iterable[Any], *kinds: type) -> Any:
-    return next(iter(_all(children, *kinds)), None)
-
-
-def _span(meta: Any) -> Span:
-    return (meta.start_pos, meta.end_pos) if not meta.empty else (0, 0)
 
 
 def _hull(span: Span, nodes: Iterable[Any]) -> Span:
@@ -106,55 +97,57 @@ def read_tree(tree: Tree, text: str, grammar: Grammar) -> tuple[Sentence | Choic
 
 
 @v_args(meta=True)
-class _Reader(Transformer):
+class _Reader(TimeReader):
     """The meaning of the grammar's rules, bottom up; one method per rule, by name."""
 
     def __init__(self, text: str, grammar: Grammar) -> None:
-        super().__init__(visit_tokens=False)
-        self._text = text
+        super().__init__(text, grammar.lexicon)
         self._grammar = grammar
-        self._lexicon: Lexicon = grammar.lexicon
         self.notes: list[str] = []
 
     # Rules by their number ------------------------------------------------------------------------
 
     def __default__(self, data: Any, children: list, meta: Any) -> Any:
-        name, span = str(data), _span(meta)
+        name, span = str(data), span_of(meta)
         stem, _, number = name.rpartition("_")
         if number.isdigit():
             if stem in {"activity", "whole"}:
                 return self._done(int(number), children, span)
             if stem in {"state", "relation"}:
-                return self._said(int(number), children, span)
+                return self._said(int(number), children, span, is_verb=stem == "state")
             if stem.startswith("unit_"):
                 return self._lexicon.units[stem.removeprefix("unit_")][int(number)][0]
-        if name in {"adjective", "number_word"}:
+        if name in {"adjective", "number_word", "count_word"}:
             return self._by_words(name, children)
         if name in {"zone", "line"}:
-            return Place(name, str(_first(children, Token)), span)
+            return Place(name, str(first_of(children, Token)), span)
         if name in self._lexicon.units:
-            return amount_of(name, _all(children, Fraction), self._text, span)
+            return amount_of(name, all_of(children, Fraction), self._text, span)
         if name in _BOUNDS:
-            return Bound(_first(children, Amount).value, _BOUNDS[name], span)
-        if name in _CLOCKS:
+            return Bound(first_of(children, Amount).value, _BOUNDS[name], span)
+        if name in CLOCKS:
             return self._clock(name, children, span)
         if name in _TRANSPARENT:
             return children[0]
+        if name == "count":
+            return self._count(children, span)
+        if name == "delay":
+            return Delay(first_of(children, Amount).value, span)
         if name.startswith("t_"):
-            owner = _first(children, Noun)
-            return _Mark(name) if owner is None else _Owner(owner)
-        return _Mark(name, self._words_of(children))
+            owner = first_of(children, Noun)
+            return Mark(name) if owner is None else _Owner(owner)
+        return Mark(name, self._words_of(children))
 
     def _by_words(self, name: str, children: list) -> Adjective | Fraction:
         """The adjective, or the number, that has these words."""
         said = " ".join(self._words_of(children))
         if name == "adjective":
-            return next(entry for entry in self._lexicon.adjectives if said in entry.words)
+            return self._lexicon.adjective(said)
         return next(number for number, words in self._lexicon.numbers if said in words)
 
     def _words_of(self, children: list) -> tuple[str, ...]:
         words = (
-            c.words if isinstance(c, _Mark) else (str(c),) for c in _all(children, _Mark, Token)
+            c.words if isinstance(c, Mark) else (str(c),) for c in all_of(children, Mark, Token)
         )
         return tuple(word for said in words for word in said)
 
@@ -176,45 +169,60 @@ class _Reader(Transformer):
         return options[0]
 
     def _done(self, number: int, children: list, span: Span) -> Done:
-        if any(polarity.is_denied for polarity in _all(children, Polarity)):
+        if any(polarity.is_denied for polarity in all_of(children, Polarity)):
             raise refuse(self._text, span[0], NOT_OF_ACTIVITIES)
-        owner = _first(children, _Owner)
+        owner = first_of(children, _Owner)
         return Done(
             self._grammar.spoken[number],
-            tuple(_all(children, Noun)),
-            tuple(_all(children, Place)),
+            tuple(all_of(children, Noun)),
+            tuple(all_of(children, Place)),
             owner.noun if owner else None,
             span,
+            any(polarity.is_state for polarity in all_of(children, Polarity)),
         )
 
-    def _said(self, number: int, children: list, span: Span) -> Said:
+    def _count(self, children: list, span: Span) -> int:
+        """How many at least: "three", "more than two"."""
+        marks = {mark.name: " ".join(mark.words) for mark in all_of(children, Mark)}
+        if "s_several" in marks:
+            self.notes.append(f'"{marks["s_several"]}" is taken as at least {_SEVERAL}')
+            return _SEVERAL
+        if "s_two" in marks:
+            return 2
+        said = next(child for child in children if isinstance(child, Fraction | Token))
+        number = said if isinstance(said, Fraction) else read_number(said, self._text, span[0])
+        is_more = marks.get("s_at_least", "") in self._lexicon.sets["more_than"]
+        if number.denominator != 1 or not 1 <= number <= _MOST_COUNTED:
+            raise refuse(self._text, span[0], f"a whole number up to {_MOST_COUNTED} is expected")
+        return int(number) + is_more
+
+    def _said(self, number: int, children: list, span: Span, is_verb: bool) -> Said:
         entry = self._lexicon.states[number]
         values: dict[str, float | str] = {}
-        for child in _all(children, Amount):
+        for child in all_of(children, Amount):
             values[child.kind] = child.value
-        for place in _all(children, Place):
+        for place in all_of(children, Place):
             if place.name is None:
                 raise refuse(self._text, place.span[0], f"which {place.kind}? Say its name")
             values[place.kind] = place.name
-        for mark in _all(children, _Mark):
+        for mark in all_of(children, Mark):
             if mark.name.removeprefix("s_") in SIDES:
                 values["side"] = mark.name.removeprefix("s_")
-        given = {parameter: values[name] for name, parameter in entry.values.items()}
-        return Said(entry, tuple(_all(children, Noun)), given, span)
+        return Said(entry, tuple(all_of(children, Noun)), values, span, is_verb=is_verb)
 
     # Order ----------------------------------------------------------------------------------------
 
     def start(self, _meta: Any, children: list) -> Sentence:
-        order = _first(children, Chain, Choice)
-        return Sentence(order, tuple(_all(children, Clock)))
+        order = first_of(children, Chain, Choice)
+        return Sentence(order, tuple(all_of(children, Clock)))
 
     def chain(self, _meta: Any, children: list) -> Chain:
-        steps, pauses = _all(children, Joined, Choice), _all(children, _Pause)
+        steps, pauses = all_of(children, Joined, Choice), all_of(children, _Pause)
         seconds = tuple(pause.seconds for pause in pauses)
         return Chain(tuple(steps), seconds, ("then",) * len(pauses))
 
     def then(self, _meta: Any, children: list) -> _Pause:
-        return _first(children, _Pause) or _Pause(None)
+        return first_of(children, _Pause) or _Pause(None)
 
     def first_second(self, _meta: Any, children: list) -> Chain:
         return self._before(children, in_order=True)
@@ -223,38 +231,55 @@ class _Reader(Transformer):
         return self._before(children, in_order=False)
 
     def _before(self, children: list, in_order: bool) -> Chain:
-        word = next(mark.words[0] for mark in _all(children, _Mark) if mark.words)
-        steps = _all(children, Chain, Choice)
-        pause = _first(children, _Pause)
+        word = next((mark.words[0] for mark in all_of(children, Mark) if mark.words), "after")
+        steps = all_of(children, Chain, Choice)
+        pause = first_of(children, _Pause)
         ordered = steps if in_order else steps[::-1]
         return Chain(tuple(ordered), (pause.seconds if pause else None,), (word,))
 
     def pause(self, _meta: Any, children: list) -> _Pause:
-        amount = _first(children, Amount)
+        amount = first_of(children, Amount)
         return _Pause(amount.value if amount else self._lexicon.assumed["immediately_s"])
 
-    pause_to = pause
-
     def joined(self, _meta: Any, children: list) -> Joined:
-        links = [m.name.removeprefix("link_") for m in _all(children, _Mark)]
-        return Joined(tuple(_all(children, Clause, Choice)), tuple(links))
+        links = [m.name.removeprefix("link_") for m in all_of(children, Mark)]
+        return Joined(tuple(all_of(children, Clause, Choice)), tuple(links))
 
     # Clauses --------------------------------------------------------------------------------------
 
+    def front(self, _meta: Any, children: list) -> _Front:
+        return _Front(children[0])
+
     def clause(self, meta: Any, children: list) -> Clause:
-        span = _span(meta)
-        parts = list(children)
+        span = span_of(meta)
+        fronts = [child.said for child in all_of(children, _Front)]
+        parts = [child for child in children if not isinstance(child, _Front)]
         subject = None
         head = parts[0]
         if isinstance(head, Noun | Pair):
             subject = parts.pop(0)
-        polarity = _first(parts, Polarity) or Polarity(False, False)
-        parts = [part for part in parts if not isinstance(part, Polarity)]
-        return Clause(subject, polarity, parts[0], tuple(parts[1:]), _hull(span, children))
+        polarity = first_of(parts, Polarity) or Polarity(False, False)
+        parts = [part for part in parts if not isinstance(part, Polarity | Mark)]
+        fronts = [self._taken(f.options) if isinstance(f, Choice) else f for f in fronts]
+        more = (*parts[1:], *fronts)
+        return Clause(subject, polarity, parts[0], more, _hull(span, children))
+
+    def described(self, meta: Any, children: list) -> Clause:
+        """ "An unattended car": what its adjective says."""
+        noun = next(child for child in children if isinstance(child, Noun))
+        if noun.adjectives:
+            core = Said(StateEntry(noun.adjectives[0].holds), (), {}, noun.span)
+            noun = replace(noun, adjectives=noun.adjectives[1:])
+        elif noun.relatives:
+            core, noun = noun.relatives[0], replace(noun, relatives=noun.relatives[1:])
+        else:
+            core = None  # refused when it is read, where no other reading makes sense
+        more = [child for child in children if not isinstance(child, Noun)]
+        return self.clause(meta, [noun, core, *more])
 
     def modifier(self, _meta: Any, children: list) -> Any:
-        denied = any(isinstance(child, _Mark) for child in children)
-        said = next(child for child in children if not isinstance(child, _Mark))
+        denied = any(isinstance(child, Mark) for child in children)
+        said = next(child for child in children if not isinstance(child, Mark))
         said = self._taken(said.options) if isinstance(said, Choice) else said
         return _denied(said) if denied else said
 
@@ -262,100 +287,81 @@ class _Reader(Transformer):
         return Polarity(True, False)
 
     def affirmed(self, _meta: Any, children: list) -> Polarity:
-        forms = [w for mark in _all(children, _Mark) for w in mark.words]
+        forms = [w for mark in all_of(children, Mark) for w in mark.words]
         return Polarity(False, any(form == "be" or "be" in base_forms(form) for form in forms))
 
     # Nouns ----------------------------------------------------------------------------------------
 
     def noun(self, meta: Any, children: list) -> Noun:
         relatives = next((child for child in children if isinstance(child, tuple)), ())
-        return self._noun(_span(meta), children, relatives)
+        return self._noun(span_of(meta), children, relatives)
 
     def _noun(self, span: Span, children: list, relatives: tuple) -> Noun:
-        marks = {mark.name: mark for mark in _all(children, _Mark)}
+        marks = {mark.name: mark for mark in all_of(children, Mark)}
         if "s_each_other" in marks:
             return Noun("any", (), "reciprocal", "each other", span)
+        if "s_new_one" in marks:
+            return Noun("any", (), "new", "another", span)
         pronoun = next((name for name in marks if name.startswith("pronoun_")), None)
         if pronoun:
             kind = pronoun.removeprefix("pronoun_")
             return Noun(kind, (), "pronoun", " ".join(marks[pronoun].words), span)
-        word = marks["noun_word"].words[0]
-        entry = self._lexicon.noun(word)
+        words = [
+            " ".join(mark.words) for mark in all_of(children, Mark) if mark.name == "noun_word"
+        ]
+        word = words[0]
+        entries = [self._lexicon.noun(word) for word in words]
+        entry = entries[0]
         assert entry is not None
+        kinds = {one.kind for one in entries if one is not None}
+        classes = [name for one in entries if one is not None for name in one.classes]
+        adjectives = all_of(children, Adjective)
+        if entry.adjective:
+            adjectives.append(self._lexicon.adjective(entry.adjective))
         articles = {name.removeprefix("article_") for name in marks if name.startswith("article_")}
         if "s_else" in marks:
             articles = {"new"}
+        if word in entry.none or "s_none" in marks:
+            articles = {"none"}
         if word in entry.indefinite and not articles:
             articles = {"indefinite"}
         surface = self._text[slice(*span)].casefold()
         return Noun(
-            entry.kind,
-            entry.classes,
+            kinds.pop() if len(kinds) == 1 else "any",
+            tuple(name for name in CLASSES if name in classes),
             _introduced(articles),
             word,
             span,
-            tuple(_all(children, Adjective)),
+            tuple(adjectives),
             relatives,
             word == "people" or re.search(rf"\b{re.escape(word)}\b", surface) is None,
+            first_of(children, int) or 1,
         )
 
     def relative(self, _meta: Any, children: list) -> tuple:
-        polarity = _first(children, Polarity)
-        said = next(child for child in children if isinstance(child, Said | Choice))
-        said = self._taken(said.options) if isinstance(said, Choice) else said
-        return (_denied(said) if polarity and polarity.is_denied else said,)
+        polarity = first_of(children, Polarity)
+        said = [
+            self._taken(child.options) if isinstance(child, Choice) else child
+            for child in all_of(children, Said, Choice)
+        ]
+        if polarity and polarity.is_denied:
+            said[0] = _denied(said[0])
+        return tuple(said)
 
     def pair(self, _meta: Any, children: list) -> Pair:
-        first, second = _all(children, Noun)
+        first, second = all_of(children, Noun)
         return Pair(first, second)
-
-    def two(self, meta: Any, children: list) -> Pair:
-        noun = replace(self._noun(_span(meta), children, ()), is_plural=False)
-        return Pair(replace(noun, article="indefinite"), replace(noun, article="new"))
 
     # Places and amounts ---------------------------------------------------------------------------
 
     def unnamed_zone(self, meta: Any, _children: list) -> Place:
-        return Place("zone", None, _span(meta))
+        return Place("zone", None, span_of(meta))
 
     def number(self, meta: Any, children: list) -> Fraction:
         found = children[0]
         if isinstance(found, Fraction):
             return found
-        return read_number(str(found), self._text, _span(meta)[0])
-
-    # How long -------------------------------------------------------------------------------------
-
-    def lasts_at_least(self, meta: Any, children: list) -> Lasting:
-        return Lasting(_first(children, Amount).value, None, _span(meta))
-
-    def lasts_at_most(self, meta: Any, children: list) -> Lasting:
-        return Lasting(None, _first(children, Amount).value, _span(meta))
-
-    def lasts_between(self, meta: Any, children: list) -> Lasting:
-        amounts = _all(children, Amount)
-        most = amounts[-1].value
-        shared = _first(children, Fraction)  # "5 to 10 minutes": the unit is said once
-        least = amounts[0].value if shared is None else float(shared * amounts[-1].unit)
-        if not 0 < least <= most:
-            raise refuse(self._text, _span(meta)[0], "the shorter time comes first")
-        return Lasting(least, most, _span(meta))
-
-    # The clock ------------------------------------------------------------------------------------
-
-    def clock(self, meta: Any, children: list) -> float:
-        child = children[0]
-        word = child.words[0] if isinstance(child, _Mark) else str(child)
-        return read_clock(self._lexicon.clock.get(word, word), self._text, _span(meta)[0])
-
-    def _clock(self, name: str, children: list, span: Span) -> Clock:
-        times = dict(zip(_CLOCKS[name], _all(children, float), strict=True))
-        return replace(Clock(None, None, None, span), **times)
-
-    def part_of_day(self, meta: Any, children: list) -> Clock:
-        word = next(m.words[0] for m in _all(children, _Mark) if m.name == "day_word")
-        begin, end = (read_clock(time, self._text, 0) for time in self._lexicon.day[word])
-        return Clock(begin, end, None, _span(meta))
+        return read_number(str(found), self._text, span_of(meta)[0])
 
 
 def _introduced(articles: set[str]) -> str:

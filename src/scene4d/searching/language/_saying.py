@@ -1,135 +1,56 @@
-"""Clauses with a state (predicates that hold together), and the pieces of an activity."""
+"""Clauses with a state: predicates that hold together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from scene4d.searching.activities._terms import term_text
-from scene4d.searching.activities.definition import Phase, Relation, Term
-from scene4d.searching.language._discourse import Discourse, adjective_terms
+from scene4d.searching.activities.definition import Phase, Term
+from scene4d.searching.language._discourse import NOBODY, Discourse, adjective_terms
+from scene4d.searching.language._lexicon import StateEntry
+from scene4d.searching.language._pieces import Piece, duration, state, throughout
 from scene4d.searching.language._sentences import Bound, Clause, Lasting, Noun, Pair, Said
+from scene4d.searching.predicates._registry import PREDICATES
 
 _DISTANCE = "tau_m"
-_INFINITE = float("inf")
-
-
-@dataclass(frozen=True)
-class Piece:
-    """Phases in their order. A state is one phase whose terms may be joined with others; an event
-    is as it is. ``least_s`` and ``most_s`` are what was said of a state's duration, and
-    ``is_instant`` that it has none.
-    """
-
-    phases: tuple[Phase, ...]
-    is_event: bool
-    name: str
-    relations: tuple[Relation, ...] = ()
-    least_s: float | None = None
-    most_s: float | None = None
-    is_instant: bool = False
-
-    @property
-    def label(self) -> str:
-        """The piece in words."""
-        return self.name if self.is_event else ", ".join(map(term_text, self.terms))
-
-    @property
-    def is_timed(self) -> bool:
-        """Whether its duration was given."""
-        return self.least_s is not None or self.most_s is not None
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        """All terms of a state."""
-        return self.phases[0].terms
-
-
-def state(
-    terms: tuple[Term, ...], lasting: Lasting, is_instant: bool, discourse: Discourse
-) -> Piece:
-    """Terms that hold together, for the given duration, or else the assumed one."""
-    terms = distinct(terms)
-    least = discourse.assumed("instant_min_s" if is_instant else "state_min_s")
-    most = discourse.assumed("instant_max_s") if is_instant else _INFINITE
-    if lasting.least is not None:
-        least = lasting.least
-    elif lasting.most is not None:
-        least = min(least, lasting.most)
-    most = most if lasting.most is None else lasting.most
-    name = ("not " if terms[0].negated else "") + terms[0].predicate.replace("_", " ")
-    phase = Phase(name, terms, least, max(least, most))
-    return Piece((phase,), False, name, (), lasting.least, lasting.most, is_instant)
-
-
-def distinct(terms: tuple[Term, ...]) -> tuple[Term, ...]:
-    """Each term once."""
-    found: list[Term] = []
-    for term in terms:
-        if term not in found:
-            found.append(term)
-    return tuple(found)
-
-
-def in_order(first: Piece, second: Piece, pause_s: float) -> Piece:
-    """One piece, then the other after a pause of at most ``pause_s``."""
-    second = _renamed(second, {phase.name for phase in first.phases})
-    opening = replace(second.phases[0], gap_s=pause_s)
-    phases = (*first.phases, opening, *second.phases[1:])
-    relations = (*first.relations, *second.relations)
-    return Piece(phases, True, f"{first.name}, then {second.name}", relations)
-
-
-def throughout(event: Piece, terms: tuple[Term, ...]) -> Piece:
-    """An event with these terms holding throughout."""
-    phases = tuple(replace(phase, terms=distinct((*phase.terms, *terms))) for phase in event.phases)
-    return replace(event, phases=phases)
-
-
-def during(event: Piece, lasting: Piece) -> Piece:
-    """An event within a state that has its own duration."""
-    lasting = _renamed(lasting, {phase.name for phase in event.phases})
-    name = lasting.phases[0].name
-    relations = tuple(Relation(phase.name, "during", name) for phase in event.phases)
-    phases = (*event.phases, *lasting.phases)
-    return Piece(phases, True, f"{event.name} while {lasting.name}", event.relations + relations)
-
-
-def _renamed(piece: Piece, taken: set[str]) -> Piece:
-    """A copy with phase names that are not taken."""
-    names: dict[str, str] = {}
-    for phase in piece.phases:
-        name, number = phase.name, 2
-        while name in taken or name in names.values():
-            name, number = f"{phase.name} {number}", number + 1
-        names[phase.name] = name
-    return replace(
-        piece,
-        phases=tuple(replace(phase, name=names[phase.name]) for phase in piece.phases),
-        relations=tuple(
-            Relation(names[r.first], r.relation, names[r.second]) for r in piece.relations
-        ),
-    )
-
-
-# A state ------------------------------------------------------------------------------------------
+_MOTIONS = (
+    *("moving", "speed_above", "moving_towards", "moving_away", "following", "reversing"),
+    *("turning_left", "turning_right"),
+)
+"""Predicates of verbs that tell what somebody does, until he does something else."""
 
 
 def state_of(clause: Clause, core: Said, discourse: Discourse) -> Piece:
     """A clause with a state. Raises :class:`InputError` if it is not possible."""
-    subjects, terms = _subjects(clause, discourse)
+    if isinstance(clause.subject, Noun) and clause.subject.article == "none":
+        return _alone(clause, core, discourse)
     said = _simplified(clause, core, discourse)
+    subjects, terms = _subjects(clause, said, discourse)
+    is_crowd = isinstance(clause.subject, Noun) and clause.subject.count > 2
     of_core: tuple[Term, ...] = ()
     for number, one in enumerate(said):
-        more = _of_all(one, subjects, discourse)
+        more = () if is_crowd and _is_mutual(one) else _of_all(one, subjects, discourse)
+        if number == 0:
+            of_core = more
+            more = _without_replaced(more, said[1:], discourse)
         terms += more
-        of_core = of_core or (more[:1] if number == 0 else ())
     for bound in clause.modifiers:
         if isinstance(bound, Bound):
             terms = with_distance(terms, bound, discourse)
     lasting = duration(clause, discourse)
     discourse.subject = subjects
-    if said[0].entry.becomes:
-        return _change(of_core[0], terms, lasting, discourse)
-    return state(terms, lasting, any(one.entry.instant for one in said), discourse)
+    entry = said[0].entry
+    if entry.becomes:
+        return _change(entry, of_core[0], terms, lasting, discourse)
+    is_instant = any(one.entry.instant for one in said)
+    if is_instant and lasting.least is not None:
+        words = discourse.said(clause.span)
+        raise discourse.refuse(lasting.span, f'"{words}" is a moment, and lasts no time')
+    usual_s = max((one.entry.least_s or 0.0 for one in said), default=0.0)
+    piece = state(terms, lasting, is_instant, discourse, usual_s or None)
+    is_motion = core.is_verb and core.predicate in _MOTIONS and not clause.polarity.is_state
+    return replace(piece, is_motion=is_motion and not clause.polarity.is_denied)
+
+
+# Who ----------------------------------------------------------------------------------------------
 
 
 def nouns_of(subject: Noun | Pair | None) -> tuple[Noun, ...]:
@@ -139,26 +60,89 @@ def nouns_of(subject: Noun | Pair | None) -> tuple[Noun, ...]:
     return () if subject is None else (subject,)
 
 
-def _subjects(clause: Clause, discourse: Discourse) -> tuple[tuple[str, ...], tuple[Term, ...]]:
+def pair_of(noun: Noun) -> tuple[Noun, Noun]:
+    """Two of those whom a noun in the plural names."""
+    one = replace(noun, count=1, is_plural=False)
+    article = "definite" if noun.article == "definite" else "indefinite"
+    return replace(one, article=article), replace(one, article="new")
+
+
+def _subjects(
+    clause: Clause, said: Sequence[Said], discourse: Discourse
+) -> tuple[tuple[str, ...], tuple[Term, ...]]:
     """Names of those whom a clause is about, those of the clause before where none is named, and
     what their nouns say of them.
     """
     nouns = nouns_of(clause.subject)
+    if not nouns and discourse.subject:
+        return discourse.subject, ()
     if not nouns:
-        return known_subject(clause, discourse), ()
+        return (_unsaid_subject(said[0].entry, clause, discourse),), ()
+    crowd = None
+    mutual = next((one for one in said if _is_mutual(one)), None)
+    if mutual is not None and len(nouns) == 1 and nouns[0].article != "pronoun":
+        if nouns[0].count > 2:
+            crowd = _crowd(mutual, nouns[0].count, discourse)
+            nouns = (replace(nouns[0], count=1),)
+        elif nouns[0].is_plural or nouns[0].count == 2:
+            nouns = pair_of(nouns[0])
     names: tuple[str, ...] = ()
     terms: tuple[Term, ...] = ()
     for noun in nouns:
         names = (*names, discourse.name_of(noun, names))
         terms += noun_terms(noun, names[-1], discourse)
-    return names, terms
+    return names, terms if crowd is None else (*terms, replace(crowd, roles=names))
 
 
-def known_subject(clause: Clause, discourse: Discourse) -> tuple[str, ...]:
-    """The subject of the clause before."""
-    if not discourse.subject:
+def _is_mutual(said: Said) -> bool:
+    return said.entry.mutual or any(noun.article == "reciprocal" for noun in said.nouns)
+
+
+def _crowd(said: Said, count: int, discourse: Discourse) -> Term:
+    """More than two are together: one of them has so many around."""
+    if said.entry.crowd is None:
+        raise discourse.refuse(said.span, f'"{discourse.said(said.span)}" is said of two')
+    return _with_values(said.entry.crowd, {**said.values, "count": float(count)})
+
+
+def _unsaid_subject(entry: StateEntry, clause: Clause, discourse: Discourse) -> str:
+    """Whom a search is about that begins with what they do."""
+    if clause.polarity.is_denied:
         raise discourse.refuse(clause.span, "who? Say a person or a vehicle first")
-    return discourse.subject
+    kind = entry.subject or "person"
+    if entry.holds[0].predicate in ("turning_left", "turning_right"):
+        kind = "vehicle"
+    discourse.note(f'nobody is named: "{discourse.said(clause.span)}" is taken of a {kind}')
+    return _new(kind, discourse)
+
+
+def _new(kind: str, discourse: Discourse) -> str:
+    entry = discourse.lexicon.noun(kind)
+    assert entry is not None
+    return discourse.add(kind, entry.classes, kind)
+
+
+def _alone(clause: Clause, core: Said, discourse: Discourse) -> Piece:
+    """Nobody is near a thing: it is alone."""
+    noun = clause.subject
+    assert isinstance(noun, Noun)
+    others = [part for part in clause.modifiers if isinstance(part, Said)]
+    bounds = [part for part in clause.modifiers if isinstance(part, Bound)]
+    is_near = core.predicate == "near" and len(core.nouns) == 1 and not others
+    if noun.kind != "person" or not is_near or clause.polarity.is_denied or core.entry.becomes:
+        raise discourse.refuse(noun.span, NOBODY)
+    name = discourse.name_of(core.nouns[0], ())
+    terms = noun_terms(core.nouns[0], name, discourse)
+    near = _with_values(core.entry.holds[0], core.values)
+    said = _by_kinds(core.entry, near, ("person", discourse.people[name].kind))
+    for bound in bounds:
+        said = with_distance((said,), bound, discourse)[0]
+    alone = Term("alone", (name,), said.parameters)
+    discourse.subject = (name,)
+    return state((alone, *terms), duration(clause, discourse), False, discourse)
+
+
+# What ---------------------------------------------------------------------------------------------
 
 
 def noun_terms(
@@ -172,31 +156,92 @@ def noun_terms(
 
 
 def terms_of(said: Said, subject: str, discourse: Discourse) -> tuple[Term, ...]:
-    """The statements about a subject, as terms."""
-    entry = said.entry
-    if entry.subject not in ("", discourse.people[subject].kind):
-        words = discourse.said(said.span)
-        raise discourse.refuse(said.span, f'"{words}" is said of a {entry.subject} only')
-    parameters = {**entry.fixed, **said.values}
+    """The statements about a subject, as terms; those about the subject come first."""
+    _check_kind(said, said.entry.subject, subject, discourse)
     names = [subject]
     more: tuple[Term, ...] = ()
-    for noun in said.nouns:
+    for noun in _objects(said):
         names.append(discourse.name_of(noun, names))
         more += noun_terms(noun, names[-1], discourse)
-    if entry.of_object:
-        more += (Term(entry.of_object, (names[-1],), parameters),)
-    return (Term(entry.predicate, tuple(names), parameters, said.is_negated), *more)
+    wanted = {role for term in said.entry.holds for role in term.roles}
+    if len(names) < len(wanted):
+        names.append(_unsaid_object(said, names, discourse))
+    if len(names) > len(wanted):
+        words = discourse.said(said.span)
+        raise discourse.refuse(said.span, f'"{words}" names too many, or too few')
+    if len(names) > 1:
+        _check_kind(said, said.entry.object, names[1], discourse)
+    return (*_holds(said, names, discourse), *more)
+
+
+def _objects(said: Said) -> tuple[Noun, ...]:
+    """Those whom a statement names: "between two cars" names two."""
+    needed = len({role for term in said.entry.holds for role in term.roles}) - 1
+    if (
+        needed == 2
+        and len(said.nouns) == 1
+        and (said.nouns[0].is_plural or said.nouns[0].count == 2)
+    ):
+        return pair_of(said.nouns[0])
+    return said.nouns
+
+
+def _unsaid_object(said: Said, names: Sequence[str], discourse: Discourse) -> str:
+    """Of whom it is said where no object is named: whoever was named last, else a new one."""
+    words = discourse.said(said.span)
+    if not said.entry.bare or len(names) > 1:
+        raise discourse.refuse(said.span, f'"{words}" of whom?')
+    known = [name for name in discourse.mentions if name not in names]
+    if known:
+        name = known[-1]
+    else:
+        kind = "person" if discourse.people[names[0]].kind == "vehicle" else "vehicle"
+        name = _new(kind, discourse)
+    discourse.note(f'"{words}" is taken of {name}')
+    return name
+
+
+def _check_kind(said: Said, kind: str, name: str, discourse: Discourse) -> None:
+    if kind not in ("", discourse.people[name].kind):
+        words = discourse.said(said.span)
+        raise discourse.refuse(said.span, f'"{words}" is said of a {kind} only')
+
+
+def _holds(said: Said, names: Sequence[str], discourse: Discourse) -> tuple[Term, ...]:
+    """The terms of a statement with its roles and values, or their opposite."""
+    called = dict(zip("abc", names, strict=False))
+    terms = [_with_values(term, said.values) for term in said.entry.holds]
+    kinds = tuple(discourse.people[name].kind for name in names[:2])
+    terms[0] = _by_kinds(said.entry, terms[0], kinds)
+    if said.is_denied:
+        terms[0] = replace(terms[0], negated=not terms[0].negated)
+        if any(len(term.roles) > 1 for term in terms[1:]):
+            words = discourse.said(said.span)
+            raise discourse.refuse(said.span, f'"{words}" cannot be denied as a whole')
+        terms = terms[:1]
+    return tuple(replace(term, roles=tuple(called[role] for role in term.roles)) for term in terms)
+
+
+def _with_values(term: Term, values: dict | object) -> Term:
+    """A term with what the words say for "{distance}" and the like."""
+    assert isinstance(values, dict)
+    given = {
+        key: values[value.strip("{}")] if isinstance(value, str) and value[:1] == "{" else value
+        for key, value in term.parameters.items()
+    }
+    return replace(term, parameters=given)
+
+
+def _by_kinds(entry: StateEntry, term: Term, kinds: Sequence[str]) -> Term:
+    """With the values for these kinds, where none are given."""
+    usual = entry.by_kinds.get("-".join(kinds), {})
+    return replace(term, parameters={**usual, **term.parameters})
 
 
 def _of_all(said: Said, subjects: tuple[str, ...], discourse: Discourse) -> tuple[Term, ...]:
     """The statements about every subject; for two also their relation."""
-    if len(subjects) == 2 and any(noun.article == "reciprocal" for noun in said.nouns):
-        is_symmetric = said.entry.predicate in ("near", "far")
-        parameters = {**said.entry.fixed, **said.values}
-        return tuple(
-            Term(said.entry.predicate, pair, parameters, said.is_negated)
-            for pair in (subjects, subjects[::-1])[: 1 if is_symmetric else 2]
-        )
+    if _is_mutual(said):
+        return _mutual(said, subjects, discourse)
     before = len(discourse.people)
     terms = terms_of(said, subjects[0], discourse)
     for subject in subjects[1:]:
@@ -214,50 +259,70 @@ def _of_all(said: Said, subjects: tuple[str, ...], discourse: Discourse) -> tupl
     return terms
 
 
+def _mutual(said: Said, subjects: tuple[str, ...], discourse: Discourse) -> tuple[Term, ...]:
+    """What two are to each other."""
+    if len(subjects) != 2:
+        words = discourse.said(said.span)
+        raise discourse.refuse(said.span, f'"{words}" needs two, such as "two people"')
+    for name in subjects:
+        _check_kind(said, said.entry.subject, name, discourse)
+    pairs: tuple[tuple[str, ...], ...] = (subjects, subjects[::-1])
+    if all(PREDICATES[term.predicate].symmetric for term in said.entry.holds):
+        pairs = pairs[:1]
+    return tuple(term for pair in pairs for term in _holds(said, pair, discourse))
+
+
 def _simplified(clause: Clause, core: Said, discourse: Discourse) -> list[Said]:
-    """The core and the relations after it; "moves towards" is one statement, not two."""
+    """The core and the relations after it."""
     relations = [part for part in clause.modifiers if isinstance(part, Said)]
     denied = clause.polarity.is_denied
-    stronger = next((r for r in relations if core.entry.predicate in r.entry.replaces), None)
-    if stronger is not None and not core.entry.negated:
-        core = stronger
-        relations = [r for r in relations if r != stronger]
-    said = [replace(core, is_denied=core.is_denied != denied), *relations]
+    stronger = next((r for r in relations if core.predicate in r.entry.replaces), None)
+    if denied and stronger is not None:  # who does not walk towards something may walk
+        core, relations = stronger, [r for r in relations if r != stronger]
     if denied and relations:
         words, rest = discourse.said(core.span), discourse.said(relations[0].span)
         discourse.note(f'"not" denies "{words}" alone; to deny the rest say "not {rest}"')
-    return said
+    return [replace(core, is_denied=core.is_denied != denied), *relations]
 
 
-def duration(clause: Clause, discourse: Discourse) -> Lasting:
-    """The duration that a clause gives. Raises :class:`InputError` for an impossible one."""
-    parts = [part for part in clause.modifiers if isinstance(part, Lasting)]
-    return shortest_of(parts, parts[0].span if parts else clause.span, discourse)
+def _without_replaced(
+    terms: tuple[Term, ...], relations: Sequence[Said], discourse: Discourse
+) -> tuple[Term, ...]:
+    """What a relation says more exactly goes: "moves towards" is one statement, not two."""
+    replaced = {name for one in relations for name in one.entry.replaces if not one.is_denied}
+    return tuple(term for term in terms if term.negated or term.predicate not in replaced)
 
 
-def shortest_of(parts: Sequence[Lasting], span: tuple[int, int], discourse: Discourse) -> Lasting:
-    """The duration that all parts allow. Raises :class:`InputError` if they contradict."""
-    least = max((p.least for p in parts if p.least is not None), default=None)
-    most = min((p.most for p in parts if p.most is not None), default=None)
-    if least is not None and most is not None and least > most:
-        raise discourse.refuse(
-            span, f"impossible duration: at least {least:g} s and at most {most:g} s"
-        )
-    return Lasting(least, most, span)
-
-
-def _change(stated: Term, terms: tuple[Term, ...], lasting: Lasting, discourse: Discourse) -> Piece:
-    """First the statement does not hold, then it does."""
+def _change(
+    entry: StateEntry, stated: Term, terms: tuple[Term, ...], lasting: Lasting, discourse: Discourse
+) -> Piece:
+    """The first statement holds, or does not, in phases that follow one another."""
     least, most = discourse.assumed("change_min_s"), discourse.assumed("change_max_s")
-    names = [f"not {stated.predicate}", stated.predicate]
-    before, after = names[::-1] if stated.negated else names
-    opposite = Phase(before, (replace(stated, negated=not stated.negated),), least, most)
-    changed = Phase(after, (stated,), least, most)
-    if lasting.least is not None or lasting.most is not None:
-        longest = _INFINITE if lasting.most is None else lasting.most
-        changed = replace(changed, min_s=lasting.least or min(least, longest), max_s=longest)
-    change = Piece((opposite, changed), True, "leaves" if stated.negated else "enters")
-    return throughout(change, tuple(term for term in terms if term != stated))
+    phases: list[Phase] = []
+    for number, is_so in enumerate(entry.becomes):
+        term = replace(stated, negated=stated.negated == is_so)
+        name = ("not " if term.negated else "") + term.predicate
+        name += " again" if name in (phase.name for phase in phases) else ""
+        within = len(entry.becomes) == 3 and number == 1
+        longest = float("inf") if within else most
+        phase = Phase(name, (term,), least, longest)
+        if number == len(entry.becomes) // 2 and (lasting.least or lasting.most is not None):
+            longest = float("inf") if lasting.most is None else lasting.most
+            phase = replace(phase, min_s=lasting.least or min(least, longest), max_s=longest)
+        phases.append(phase)
+    others = tuple(term for term in terms if term != stated)
+    ends = entry.becomes[-1], len(entry.becomes)
+    name = "crosses" if ends[1] == 3 else "enters" if ends[0] else "leaves"
+    begins = (
+        entry.becomes == (False, True)
+        and len(stated.roles) == 1
+        and not stated.parameters.get("zone")
+    )
+    change = Piece(tuple(phases), True, name, begins=begins)
+    if not entry.settles:
+        return throughout(change, others)
+    settled = throughout(replace(change, phases=change.phases[-1:]), others)
+    return replace(change, phases=(*change.phases[:-1], *settled.phases))
 
 
 def with_distance(terms: tuple[Term, ...], bound: Bound, discourse: Discourse) -> tuple[Term, ...]:

@@ -22,17 +22,26 @@ class Slot:
     pair: bool = False
     is_plural: bool = False
 
+    @property
+    def is_crowd(self) -> bool:
+        """Whether any number may stand here."""
+        return self.is_plural and not self.pair
+
 
 @dataclass(frozen=True)
 class Spoken:
     """An activity as one of its phrases says it: the slots in their order, and the roles that
-    they fill; ``has_subject`` where the first of them stands before the verb.
+    they fill; ``has_subject`` where the first of them stands before the verb. ``needs_be`` is said
+    in the passive without a doer; ``is_short`` leaves out the last of its slots.
     """
 
     activity: Activity
     slots: tuple[Slot, ...]
     roles: tuple[str, ...]
     has_subject: bool
+    is_passive: bool = False
+    needs_be: bool = False
+    is_short: bool = False
 
 
 @dataclass(frozen=True)
@@ -46,7 +55,7 @@ class Choice:
 class Noun:
     """Somebody: ``kind`` ("person", "vehicle"; "any" for they), ``classes`` they may have (none
     for a pronoun), how they are introduced (``article``: indefinite, definite, new, bare, pronoun,
-    reciprocal) and what else is said of them.
+    reciprocal, none for nobody), at least how many they are, and what else is said of them.
     """
 
     kind: str
@@ -57,6 +66,7 @@ class Noun:
     adjectives: tuple[Adjective, ...] = ()
     relatives: tuple["Said", ...] = ()
     is_plural: bool = False
+    count: int = 1
 
 
 @dataclass(frozen=True)
@@ -87,7 +97,7 @@ class Polarity:
 @dataclass(frozen=True)
 class Said:
     """A state of the lexicon: its entry, whom it is about besides the subject, and values in
-    metres, seconds or names.
+    metres, seconds or names. ``is_verb`` where it is no relation.
     """
 
     entry: StateEntry
@@ -95,18 +105,19 @@ class Said:
     values: Mapping[str, float | str]
     span: Span
     is_denied: bool = False
+    is_verb: bool = False
 
     @property
-    def is_negated(self) -> bool:
-        """Whether the predicate's opposite is meant."""
-        return self.entry.negated != self.is_denied
+    def predicate(self) -> str:
+        """The first predicate."""
+        return self.entry.holds[0].predicate
 
 
 @dataclass(frozen=True)
 class Done:
     """An activity of the catalogue: what its words may mean, and who stands in its slots.
 
-    ``owner`` is whose trunk it is.
+    ``owner`` is whose trunk it is; ``has_be`` where a form of "be" stands within.
     """
 
     meant: tuple[Spoken, ...]
@@ -114,6 +125,7 @@ class Done:
     places: tuple[Place, ...]
     owner: "Noun | None"
     span: Span
+    has_be: bool = False
 
 
 @dataclass(frozen=True)
@@ -136,16 +148,24 @@ class Bound:
     span: Span
 
 
-_Modifier = Said | Lasting | Bound
+@dataclass(frozen=True)
+class Delay:
+    """How long after what was said before, at most, seconds."""
+
+    seconds: float
+    span: Span
+
+
+_Modifier = Said | Lasting | Bound | Delay
 
 
 @dataclass(frozen=True)
 class Clause:
-    """Somebody does something, or is somehow."""
+    """Somebody does something, or is somehow; without ``core`` it is only somebody."""
 
     subject: "Noun | Pair | None"
     polarity: Polarity
-    core: "Done | Said | Choice"
+    core: "Done | Said | Choice | None"
     modifiers: tuple["_Modifier", ...]
     span: Span
 
@@ -193,5 +213,7 @@ def options_of(node: Any) -> Sequence[Any]:
 
 
 def kind_of(role: Role) -> str:
-    """The kind of noun that a role's players are called by."""
-    return "person" if "person" in role.classes else "vehicle"
+    """The kind of noun that a role's players are called by: "any" where all may play it."""
+    if "person" not in role.classes:
+        return "vehicle"
+    return "any" if len(role.classes) > 1 and "car" in role.classes else "person"

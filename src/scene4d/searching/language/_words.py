@@ -9,7 +9,8 @@ from difflib import get_close_matches
 from fractions import Fraction
 
 from scene4d.core.errors import InputError
-from scene4d.searching.language._lexicon import Lexicon, base_forms
+from scene4d.searching.language._lexicon import Lexicon, Refusal, base_forms
+from scene4d.searching.language._refusals import plain, refusal_at
 
 _MOST_WORDS = 60
 """Bounds the time of a parse; longer searches are refused."""
@@ -20,20 +21,21 @@ _MOST = 10**9
 
 _TOKEN = re.compile(
     r"""(?P<quoted>"[^"]*"|“[^”]*”)
-    |(?P<clock>\d{1,2}:\d{2}(?::\d{2})?(?:\s*[ap]\.?m\b\.?)?|\d{1,2}\s*[ap]\.?m\b\.?)
+    |(?P<clock>\d{1,2}:\d{2}(?::\d{2})?(?:\s*[ap]\.?m\b\.?)?|\d{1,2}\s*(?:[ap]\.?m\b\.?|o['’]clock))
+    |(?P<to>(?<=\d)\s*[-–]\s*(?=\d))
     |(?P<number>\d+(?:[.,]\d+)*|\.\d+)
     |(?P<not>(?:n['’]t)\b)
     |(?P<whose>['’]s?(?!\w))
     |(?P<unit>[^\W\d_]+/[^\W\d_]+)
     |(?P<word>[^\W\d_]+?(?=n['’]t\b)|[^\W\d_]+(?:-[^\W\d_]+)*)
-    |(?P<comma>[,;])
-    |(?P<space>\s+|[.?!]+(?=\s*$))
+    |(?P<comma>[,;]|\.(?=\s+\S))
+    |(?P<space>[\s_]+|[.?!]+(?=\s*$))
     |(?P<other>.)""",
     re.VERBOSE | re.IGNORECASE,
 )
 _SHORTENED = {"ca": "can", "wo": "will"}
 _CLOCK = re.compile(
-    r"(?P<hour>\d{1,2})(?::(?P<minute>\d{2}))?(?::(?P<second>\d{2}))?\s*(?P<half>[ap])?\.?m?\.?",
+    r"(?P<hour>\d{1,2})(?::(?P<minute>\d{2}))?(?::(?P<second>\d{2}))?\s*(?P<half>[ap])?\.?m?\.?(?:o['’]clock)?",
     re.IGNORECASE,
 )
 
@@ -53,10 +55,13 @@ class Word:
 
 @dataclass(frozen=True, eq=False)
 class Vocabulary:
-    """The known words, and the names of places by their kind ("zone", "line")."""
+    """The known words, the phrases of the catalogue (None while these are read themselves), and the
+    names of places by their kind ("zone", "line").
+    """
 
     words: Collection[str]
     lexicon: Lexicon
+    phrases: Sequence[str] | None = ()
     places: Mapping[str, Sequence[str]] = field(default_factory=lambda: {"zone": (), "line": ()})
 
     def word(self, surface: str) -> str | None:
@@ -69,6 +74,12 @@ class Vocabulary:
 def refuse(text: str, start: int, what: str) -> InputError:
     """The error for a search that is not understood; positions count characters from 1."""
     return InputError(f'search "{text}": position {start + 1}: {what}')
+
+
+def refused(text: str, start: int, words: str, refusal: Refusal) -> InputError:
+    """The error for words that are understood and cannot be answered."""
+    what = f'"{words}": {refusal.why}; what comes closest: {refusal.closest}'
+    return refuse(text, start, what)
 
 
 def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
@@ -86,6 +97,8 @@ def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
             at = name.end
             continue
         match = _TOKEN.match(text, at)
+        if match is not None and match.lastgroup == "word":
+            _check_refused(text, match, vocabulary)
         if match is None:  # a line break, which "." does not match, is space already
             raise refuse(text, at, "this sign means nothing here")
         found += _words_of(match, text, vocabulary)
@@ -104,6 +117,16 @@ def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
     return found
 
 
+def _check_refused(text: str, match: re.Match, vocabulary: Vocabulary) -> None:
+    """Raise for words that are understood and cannot be answered, unless the catalogue has them."""
+    if vocabulary.phrases is None:
+        return
+    is_known = vocabulary.word(match.group()) is not None
+    found = refusal_at(text, match.start(), is_known, vocabulary.lexicon)
+    if found is not None and not any(plain(found[0]) in plain(p) for p in vocabulary.phrases):
+        raise refused(text, match.start(), *found)
+
+
 def _words_of(match: re.Match, text: str, vocabulary: Vocabulary) -> list[Word]:
     kind = str(match.lastgroup)
     surface, start, end = match.group(), match.start(), match.end()
@@ -116,6 +139,8 @@ def _words_of(match: re.Match, text: str, vocabulary: Vocabulary) -> list[Word]:
         raise refuse(text, start, f'"{surface}": {hint}')
     if kind == "quoted":
         return [_quoted(surface[1:-1], text, start, end, vocabulary)]
+    if kind == "to":
+        return [Word("word", "to", start, end, surface)]
     if kind == "not":
         return [Word("word", "not", start, end, surface)]
     if kind in {"word", "unit"}:
@@ -132,10 +157,6 @@ def _known(surface: str, text: str, span: tuple[int, int], vocabulary: Vocabular
     word = vocabulary.word(surface)
     if word is not None:
         return [Word("word", word, start, end, surface)]
-    refused = vocabulary.lexicon.refused
-    for form in (surface.casefold(), *base_forms(surface.casefold())):
-        if form in refused:
-            raise refuse(text, start, f'"{surface}" is not understood: {refused[form]}')
     if "-" in surface:
         parts: list[Word] = []
         for part in re.finditer(r"[^-]+", surface):
@@ -149,7 +170,7 @@ def _nearest(surface: str, vocabulary: Vocabulary) -> str:
     names = [name.casefold() for names in vocabulary.places.values() for name in names]
     known = sorted({*vocabulary.words, *names})
     forms = [surface.casefold(), *base_forms(surface.casefold())]
-    near = [word for form in forms for word in get_close_matches(form, known, 3, 0.6)]
+    near = [word for form in forms for word in get_close_matches(form, known, 3, 0.75)]
     said = ", ".join(f'"{word}"' for word in dict.fromkeys(near))
     if said:
         return f"; the nearest are {said}"
