@@ -36,7 +36,7 @@ def test_the_start_gives_every_row_its_moment(tracked):
     assert str(first).startswith("2026-11-20 07:00:00")
 
 
-@pytest.mark.parametrize("to", ["csv", "mot", "kpf", "moving-features"])
+@pytest.mark.parametrize("to", ["csv", "mot", "kpf", "moving-features", "openlabel"])
 def test_a_scene_in_other_formats(run, tracked, tmp_path, to):
     out = tmp_path / f"tracks.{to}"
     result = run("export", tracked, "--to", to, "--out", out, "--json")

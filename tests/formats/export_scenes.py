@@ -24,6 +24,7 @@ GOLDEN_FILES = {
     "kpf": "scene",
     "geojson": "scene.geojson",
     "moving-features": "scene.json",
+    "openlabel": "openlabel.json",
 }
 
 

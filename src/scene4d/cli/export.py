@@ -43,7 +43,7 @@ def export(
         typer.Option(
             metavar="FORMAT",
             help="For a camera: json, opencv-yaml, opencv-xml, krtd, colmap, ros, deepstream or "
-            "matrix. For a scene: csv, mot, kpf, geojson or moving-features.",
+            "matrix. For a scene: csv, mot, kpf, geojson, moving-features or openlabel.",
             autocompletion=_completions,
             show_default=False,
         ),

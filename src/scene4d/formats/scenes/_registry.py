@@ -14,6 +14,7 @@ from scene4d.formats.scenes import _geojson as geojson
 from scene4d.formats.scenes import _kpf as kpf
 from scene4d.formats.scenes import _mot as mot
 from scene4d.formats.scenes import _moving_features as moving_features
+from scene4d.formats.scenes import _openlabel as openlabel
 from scene4d.formats.scenes._contract import SceneFormat, SceneTable
 
 _FORMATS: tuple[SceneFormat, ...] = (
@@ -22,6 +23,7 @@ _FORMATS: tuple[SceneFormat, ...] = (
     kpf.FORMAT,
     geojson.FORMAT,
     moving_features.FORMAT,
+    openlabel.FORMAT,
 )
 
 
@@ -37,9 +39,9 @@ def write_scene(
 ) -> tuple[Path, ...]:
     """Write a scene in a format of :func:`scene_formats`, atomically; the files that were written.
 
-    ``scene`` may be pieces that follow one another in time, read one at a time: csv, mot and kpf
-    hold one in memory, geojson and moving-features all of them, since they write track by track.
-    mot, kpf, geojson and moving-features take the pieces of one clip, csv those of any. ``path`` is
+    ``scene`` may be pieces that follow one another in time, read one at a time: csv, mot, kpf
+    and openlabel hold one in memory, geojson and moving-features all of them, since they write
+    track by track. csv takes the pieces of any clips, the others those of one. ``path`` is
     the file; for kpf, ``NAME`` or ``NAME.geom.yml`` gives ``NAME.geom.yml`` and ``NAME.types.yml``.
     Existing files are replaced, a folder never is, and missing folders are made.
 
