@@ -18,7 +18,8 @@ from unittest.mock import patch
 from scene4d.core.progress import Silent
 from scene4d.evaluation._options import TUNED
 from scene4d.evaluation.datasets import _meva as meva
-from scene4d.evaluation.trials.activities import OURS, labelled_activities, ranked_by
+from scene4d.evaluation.trials._ways import OURS, Seen, ranked
+from scene4d.evaluation.trials.activities import labelled_activities
 from scene4d.searching.activities import _compose as compose
 from scene4d.searching.activities import _evidence as evidence
 from scene4d.searching.activities import identity
@@ -37,13 +38,10 @@ CONSTANTS = (
 def precision(clips: Sequence[meva.Clip]) -> float:
     """Mean average precision over the activities, of the clips' tracks as they are united now."""
     united = [replace(clip, stage=identity.unite_tracks(clip.stage)) for clip in clips]
-    seen = [clip.stage for clip in united]
-    found = []
-    for activity in labelled_activities().values():
-        ranked = ranked_by(OURS, united, seen, activity)
-        if ranked is not None and ranked.average_precision is not None:
-            found.append(ranked.average_precision)
-    return sum(found) / len(found)
+    seen = Seen(OURS, 1.0, united)
+    found = [ranked(seen.events(one)).average_precision for one in labelled_activities().values()]
+    known = [value for value in found if value is not None]
+    return sum(known) / len(known)
 
 
 def main() -> None:

@@ -31,7 +31,9 @@ PROMISED = {
         "--camera --out --rate --give-up --search --alert --min-score --catalogue --zones "
         "--detector --name --person-height --json"
     ),
-    "search": ("--top --min-score --catalogue --zones --footage --out --actev --json"),
+    "search": (
+        "--top --min-score --min-probability --catalogue --zones --footage --out --actev --json"
+    ),
     "evaluate pets": "--data --out --json",
     "evaluate towncentre": "--data --out --json",
     "evaluate virat": "--data --clip --image-size --out --json",

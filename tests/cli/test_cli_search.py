@@ -27,8 +27,11 @@ def test_it_says_what_it_understood_and_then_what_it_found(run, gate):
     understood, found = result.stdout.split("1 event in 1 clip of 1 camera.")
     assert "Understood  person enters vehicle" in understood
     assert re.search(r"near\(person, vehicle[,)]", understood)
-    assert re.search(r"1  0\.\d\d  00:\d\d\.\d to 00:1\d\.\d  camera gate", found)
+    assert re.search(
+        r"1  0\.\d\d  probability 0\.\d\d  00:\d\d\.\d to 00:1\d\.\d  camera gate", found
+    )
     assert f"person {scenes.PERSON}, vehicle {scenes.PARKED}  in morning" in found
+    assert found.count("Probability: the share of right events") == 1
     assert re.search(r"disappears_into\([^)]*\)\s+[01]\.\d\d", found)
 
 
@@ -39,6 +42,23 @@ def test_json_is_one_object_with_every_event(run, gate):
     assert list(values)[4:] == ["query", "predicates", "events"]
     assert len(values["events"]) > 1
     assert all(one["score"] >= 0.2 for one in values["events"])
+
+
+def test_several_searches_in_one_command(run, gate, tmp_path):
+    actev = tmp_path / "all.json"
+    result = run("search", gate, "two people meet; person enters vehicle", "--actev", actev)
+    assert result.exit_code == 0, result.stderr
+    assert "person enters vehicle: 1 event in 1 clip" in result.stdout
+    activities = [one["activity"] for one in json.loads(actev.read_text())["activities"]]
+    assert set(activities) == {"people_meet", "person_enters_vehicle"}
+    result = run("search", gate, "all activities", "--json")
+    searches = json.loads(result.stdout)["searches"]
+    assert len(searches) > 10
+    assert {"query", "predicates", "events"} == set(searches[0])
+    result = run("search", gate, "person moves; person stands", "--out", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "--out" in result.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_top_shows_the_best(run, gate):

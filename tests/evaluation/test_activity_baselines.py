@@ -5,7 +5,13 @@ import pytest
 
 from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
-from scene4d.evaluation.trials._baselines import NOISE_SHARE, in_pixels, near_alone
+from scene4d.evaluation.trials._baselines import (
+    NOISE_SHARE,
+    in_box_sizes,
+    in_pixels,
+    near_alone,
+    track_ends,
+)
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
 from scene4d.searching.predicates.stage import Stage
 
@@ -112,6 +118,28 @@ def test_gaps_and_lonely_rows_have_no_velocity():
 def test_the_factor_is_a_length():
     with pytest.raises(InputError, match="metres_per_px"):
         in_pixels(stage({1: line(3, (1, 60), (1, 1))}), 0.0)
+
+
+def test_by_box_sizes_what_looks_twice_as_large_moves_half_as_fast():
+    feet = line(20, (100, 200), (50, -20))
+    near, far = (in_box_sizes(stage({1: feet}, height), 2.5).tracks for height in (100.0, 50.0))
+    np.testing.assert_allclose(near.velocity_mps * 2, far.velocity_mps)
+    # 50 px high and 20 px wide: a metre is 12.65 px.
+    np.testing.assert_allclose(
+        far.velocity_mps[5], np.array([50.0, 20.0]) * 2.5 / np.sqrt(1000), rtol=1e-9
+    )
+    np.testing.assert_allclose(near.heading_rad, far.heading_rad)
+
+
+def test_the_ends_of_tracks():
+    seen = stage({3: line(21, (100, 200), (50, 0)), 8: line(11, (500, 300), (0, 30))})
+    spans, score, track = track_ends(seen, ("person",), 3.0, at_end=True)
+    np.testing.assert_allclose(spans, [[1.0, 4.0], [-1.0, 2.0]])
+    assert track.tolist() == [3, 8]
+    assert score[1] > score[0]
+    spans, _, _ = track_ends(seen, ("person",), 3.0, at_end=False)
+    np.testing.assert_allclose(spans, [[0.0, 3.0], [0.0, 3.0]])
+    assert len(track_ends(seen, ("car",), 3.0, at_end=True)[0]) == 0
 
 
 def test_an_empty_stage():

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from scene4d.evaluation.measures._events import DetCurve
-from scene4d.evaluation.pages._activities import lines, measures, render_activities, verdict
+from scene4d.evaluation.pages._activities import render_activities, sheets, verdict
 from scene4d.evaluation.pages._charts import LEAST, MOST, draw_det, outline
 
 
@@ -53,23 +53,48 @@ def test_the_page_says_what_it_does_not_show(page):
     assert all(link.startswith("data:") for link in Page(page).links)
 
 
-def test_the_table(evaluation):
-    table = lines(evaluation)
-    assert [line.activity for line in table] == [
+def test_the_table_by_method(evaluation):
+    sheet = sheets(evaluation)[0]
+    assert [line.activity for line in sheet.lines] == [
         "person enters vehicle", "person exits vehicle", "vehicle stops", "vehicle turns left",
         "mean",
     ]  # fmt: skip
-    assert {len(line.cells) for line in table} == {len(measures()) * 3}
-    first = table[0]
+    assert {len(line.cells) for line in sheet.lines} == {3 + 2}
+    first = sheet.lines[0]
     assert first.labelled == "73"
     assert first.names == "person_enters_vehicle_label"
     ours = evaluation.of("metres", "person_enters_vehicle")
     assert first.cells[0].text == f"{ours.average_precision:.2f}"
     assert first.cells[3].text == f"{ours.missed_at(0.15):.2f}"
-    assert first.cells[6].text == f"{ours.missed_at(0.02):.2f}"
-    assert [cell.best for cell in first.cells[:3]] == [True, False, False]
-    assert [cell.text for cell in table[2].cells[2::3]] == ["–"] * 3
-    assert not any(cell.best for cell in table[2].cells[2::3])
+    assert first.cells[4].text == f"{ours.missed_at(0.02):.2f}"
+    assert [cell.best for cell in first.cells] == [True, False, False, False, False]
+    assert sheet.lines[2].cells[2].text == "–"
+    assert not sheet.lines[2].cells[2].best
+
+
+def test_the_table_by_rule_and_camera(evaluation):
+    sheet = sheets(evaluation)[1]
+    assert [group for group, _ in sheet.groups] == ["all cameras", "G3", "G4"]
+    cells = sheet.lines[0].cells
+    ours = evaluation.ours("person_enters_vehicle")
+    low, high = ours.interval("1 s")
+    assert low < ours.average_precision < high
+    assert cells[0].text == f"{ours.average_precision:.2f} [{low:.2f}, {high:.2f}]"
+    assert cells[4].text == f"{ours.precision_by('1 s', 'G3'):.2f}"
+    assert cells[8].label == "G4, 1 s"
+
+
+def test_the_table_of_probabilities(evaluation):
+    sheet = sheets(evaluation)[2]
+    trust = evaluation.ours("person_enters_vehicle").trust
+    # Scores from 0 to 2 become 0.1 to 0.9.
+    score = evaluation.ours("person_enters_vehicle").ranked.score
+    shown = score[score >= 0.05]
+    assert trust.events == len(shown)
+    assert trust.stated == pytest.approx(np.mean(0.1 + 0.4 * shown))
+    texts = [cell.text for cell in sheet.lines[0].cells]
+    assert texts == [f"{v:.2f}" for v in (trust.stated, trust.right, trust.expected_error)]
+    assert [cell.text for cell in sheet.lines[2].cells] == ["–"] * 3  # stops are not calibrated
 
 
 def test_the_mean_leaves_out_what_a_method_cannot_look_for(evaluation):
@@ -89,6 +114,11 @@ def test_json(evaluation):
     assert 0 < one["average_precision"] < 1
     assert one["correct"] < one["found"]
     assert by_name["vehicle_stops"]["methods"]["near"]["average_precision"] is None
+    rules = by_name["vehicle_stops"]["rules"]
+    assert rules["1 s"]["average_precision"] >= rules["IoU 0.5"]["average_precision"]
+    assert set(rules["IoU 0.2"]["cameras"]) == {"G3", "G4"}
+    assert by_name["vehicle_stops"]["probability"] is None
+    assert by_name["person_enters_vehicle"]["probability"]["events"] > 0
     assert by_name["nothing_of_it"]["methods"]["metres"]["average_precision"] is None
 
 

@@ -10,12 +10,17 @@ from sklearn.metrics import average_precision_score
 
 from scene4d.core.errors import InputError
 from scene4d.evaluation.measures._events import (
+    NIST,
+    RULES,
     ClipEvents,
     DetCurve,
     Ranked,
     matched,
     may_match,
+    precision_interval,
+    ranked_clips,
     scaled,
+    shared_time,
 )
 
 NONE = np.zeros((0, 2))
@@ -23,6 +28,16 @@ NONE = np.zeros((0, 2))
 
 def spans(*pairs: tuple[float, float]) -> np.ndarray:
     return np.array(pairs, float).reshape(-1, 2)
+
+
+def clip(label, found, score, involved=None, camera="G1") -> ClipEvents:
+    if involved is None:
+        involved = np.ones((len(label), len(found)), bool)
+    return ClipEvents(camera, 5.0, label, found, np.asarray(score, float), involved)
+
+
+def pairs(label, found, confidence) -> np.ndarray:
+    return matched(may_match(label, found), confidence)
 
 
 @pytest.mark.parametrize(
@@ -46,19 +61,19 @@ def test_the_rule_of_overlap(label, found, expected):
 def test_each_label_and_each_event_is_used_once():
     label = spans((0, 10), (20, 30))
     found = spans((0, 10), (1, 9), (20, 30), (40, 50))
-    assert matched(label, found, np.array([0.2, 0.9, 0.5, 1.0])).tolist() == [-1, 0, 1, -1]
+    assert pairs(label, found, np.array([0.2, 0.9, 0.5, 1.0])).tolist() == [-1, 0, 1, -1]
 
 
 def test_more_pairs_count_for_more_than_confident_ones():
     # The confident event could be either label, the other one the first alone.
     label = spans((0, 5), (6, 11))
     found = spans((3, 8), (0, 4))
-    assert matched(label, found, np.array([1.0, 0.0])).tolist() == [1, 0]
+    assert pairs(label, found, np.array([1.0, 0.0])).tolist() == [1, 0]
 
 
 def test_a_clip_without_labels_or_events():
-    assert matched(NONE, spans((0, 5)), np.array([1.0])).tolist() == [-1]
-    assert matched(spans((0, 5)), NONE, np.zeros(0)).tolist() == []
+    assert pairs(NONE, spans((0, 5)), np.array([1.0])).tolist() == [-1]
+    assert pairs(spans((0, 5)), NONE, np.zeros(0)).tolist() == []
 
 
 times = st.integers(0, 60).map(lambda tenths: tenths / 4)
@@ -72,8 +87,8 @@ a_span = st.tuples(times, times).map(sorted).map(tuple)
 def test_no_assignment_is_better(labels, events):
     label, found = spans(*labels), spans(*(span for span, _ in events))
     confidence = np.array([c for _, c in events], float)
-    result = matched(label, found, confidence)
     allowed = may_match(label, found)
+    result = matched(allowed, confidence)
     used = result[result >= 0]
     assert len(set(used.tolist())) == len(used)
     assert all(allowed[row, k] for k, row in enumerate(result) if row >= 0)
@@ -89,12 +104,12 @@ def test_no_assignment_is_better(labels, events):
 
 def test_spans_and_confidences_that_cannot_be():
     with pytest.raises(InputError, match="label ends before"):
-        matched(spans((5, 4)), NONE, np.zeros(0))
+        clip(spans((5, 4)), NONE, [])
     with pytest.raises(InputError, match="found event ends before"):
-        matched(NONE, spans((5, 4)), np.zeros(1))
+        clip(NONE, spans((5, 4)), [0.5])
     for bad in (-0.1, 1.1, np.nan):
         with pytest.raises(InputError, match="between 0 and 1"):
-            matched(NONE, spans((4, 5)), np.array([bad]))
+            pairs(NONE, spans((4, 5)), np.array([bad]))
 
 
 def test_scores_as_confidences():
@@ -192,9 +207,10 @@ def test_more_false_alarms_never_miss_more(events, rate, more):
 
 
 def test_clips_are_matched_apart_and_ranked_together():
-    first = ClipEvents(spans((0, 5)), spans((0, 5), (0, 4)), np.array([0.3, 0.9]))
-    second = ClipEvents(spans((10, 15)), spans((0, 5)), np.array([0.5]))
-    ranked = Ranked.of_clips([first, second], 10.0)
+    first = clip(spans((0, 5)), spans((0, 5), (0, 4)), [0.3, 0.9])
+    second = clip(spans((10, 15)), spans((0, 5)), [0.5])
+    ranked = Ranked.pooled(ranked_clips([first, second], RULES[NIST]))
+    assert ranked.minutes == 10.0
     assert ranked.correct.tolist() == [False, True, False]
     assert ranked.labels == 2
     assert ranked.average_precision == pytest.approx(0.5)
@@ -208,3 +224,55 @@ def test_ranks_that_cannot_be():
         Ranked(np.ones(2), np.ones(2, bool), 1, 1.0)
     with pytest.raises(InputError, match="0"):
         Ranked(np.ones(1), np.ones(1, bool), 1, 0.0)
+
+
+def test_time_in_common():
+    label, found = spans((0, 10)), spans((0, 10), (5, 15), (0, 5), (10, 20), (3, 3))
+    np.testing.assert_allclose(shared_time(label, found), [[1.0, 1 / 3, 0.5, 0.0, 0.0]])
+    assert shared_time(spans((3, 3)), spans((3, 3))).tolist() == [[0.0]]
+
+
+def test_the_rules():
+    """An event a little longer than the label, one a third of it, one right in time with others."""
+    involved = np.array([[True, True, False]])
+    one = clip(spans((10, 20)), spans((10, 22), (16, 19.5), (10, 20)), np.zeros(3), involved)
+    said = {name: rule(one)[0].tolist() for name, rule in RULES.items()}
+    assert said == {
+        "1 s": [True, True, True],
+        "IoU 0.2": [True, True, True],
+        "IoU 0.5": [True, False, True],
+        "participants": [True, True, False],
+    }
+
+
+def random_clips(rng: np.random.Generator, count: int, skill: float) -> list[Ranked]:
+    """Clips with two labels each, and four events, right with a probability of ``skill``."""
+    out = []
+    for _ in range(count):
+        correct = rng.random(4) < [skill, skill, 0, 0]
+        out.append(Ranked(rng.random(4) + correct, correct, 2, 5.0))
+    return out
+
+
+def test_the_interval_holds_what_is_true_as_often_as_it_says():
+    rng = np.random.default_rng(0)
+    truth = Ranked.pooled(random_clips(rng, 4000, 0.6)).average_precision
+    held = []
+    for seed in range(60):
+        low, high = precision_interval(random_clips(rng, 40, 0.6), seed=seed)
+        held.append(low <= truth <= high)
+    assert 0.85 <= np.mean(held) <= 1.0
+    few, many = (precision_interval(random_clips(rng, n, 0.6)) for n in (20, 320))
+    assert 2.5 < (few[1] - few[0]) / (many[1] - many[0]) < 6.5  # 4 by the root of the clips
+
+
+def test_the_weights_of_a_draw_are_clips_drawn_again():
+    parts = random_clips(np.random.default_rng(1), 3, 0.5)
+    pooled = Ranked.pooled(parts)
+    drawn = pooled._precisions(np.repeat([[2.0, 0.0, 1.0]], 4, axis=1), np.array([6]))
+    again = Ranked.pooled([parts[0], parts[0], parts[2]]).average_precision
+    assert drawn[0] == pytest.approx(again)
+
+
+def test_without_a_label_there_is_no_interval():
+    assert precision_interval([Ranked(np.ones(1), np.zeros(1, bool), 0, 5.0)]) is None

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from actev_rules import faults
 from scene4d.core.errors import InputError
 from scene4d.formats.activities import ActevInstance, LabelledActivity, actev_json, read_activities
 
@@ -105,30 +106,45 @@ def signal(instance: dict) -> tuple[str, dict[int, int]]:
     return file, {int(frame): value for frame, value in values.items()}
 
 
+def scored(*instances: ActevInstance, files=("a.avi", "b.avi")) -> dict:
+    return json.loads(json.dumps(actev_json(instances, files), allow_nan=False))
+
+
+GOOD = scored(
+    ActevInstance("vehicle_stops", "a.avi", 30, 89, 0.7),
+    ActevInstance("person_enters_vehicle", "a.avi", 5, 5, 1e-9),
+)
+
+
 def test_what_the_scorer_reads():
-    """The JSON schema of ActEV_SDL_V2 in ActEV_Scorer, by hand."""
-    found = actev_json(
-        [
-            ActevInstance("vehicle_stops", "a.avi", 30, 89, 0.7),
-            ActevInstance("vehicle_stops", "a.avi", 5, 5, 1e-9),
-        ],
-        ["a.avi", "b.avi"],
-    )
-    found = json.loads(json.dumps(found, allow_nan=False))
-    assert set(found) == {"filesProcessed", "processingReport", "activities"}
-    assert found["filesProcessed"] == ["a.avi", "b.avi"]
+    assert faults(GOOD) == []
+    assert GOOD["filesProcessed"] == ["a.avi", "b.avi"]
     done = {"status": "success", "message": ""}
-    assert found["processingReport"] == {"fileStatuses": {"a.avi": done, "b.avi": done}}
-    for number, one in enumerate(found["activities"], start=1):
-        assert set(one) == {"activity", "activityID", "presenceConf", "localization"}
-        assert one["activityID"] == number
-        assert isinstance(one["presenceConf"], float)
-        file, values = signal(one)
-        assert file == "a.avi"
-        assert sorted(values.values()) == [0, 1]
+    assert GOOD["processingReport"] == {"fileStatuses": {"a.avi": done, "b.avi": done}}
+    assert [one["activityID"] for one in GOOD["activities"]] == [1, 2]
     # The signal is 1 on every frame of the event and on no other.
-    assert signal(found["activities"][0])[1] == {30: 1, 90: 0}
-    assert signal(found["activities"][1])[1] == {5: 1, 6: 0}
+    assert signal(GOOD["activities"][0])[1] == {30: 1, 90: 0}
+    assert signal(GOOD["activities"][1])[1] == {5: 1, 6: 0}
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda v: v.pop("processingReport"), "statuses"),
+        (lambda v: v["filesProcessed"].pop(), "statuses"),
+        (lambda v: v["filesProcessed"].append("c d.avi"), "file 'c d.avi'"),
+        (lambda v: v["activities"][0].pop("presenceConf"), "presenceConf"),
+        (lambda v: v["activities"][0].update(activityID=2), "twice"),
+        (lambda v: v["activities"][0]["localization"].update({"b.avi": {"1": 1, "2": 0}}), "one"),
+        (lambda v: v["activities"][0].update(localization={"c.avi": {"1": 1, "2": 0}}), "not proc"),
+        (lambda v: v["activities"][0].update(localization={"a.avi": {"1": 1}}), "frames"),
+        (lambda v: v["activities"][0].update(localization={"a.avi": {"1": 0, "2": 1}}), "signal"),
+    ],
+)
+def test_the_rules_see_what_breaks_them(change, said):
+    broken = json.loads(json.dumps(GOOD))
+    change(broken)
+    assert any(said in fault for fault in faults(broken))
 
 
 def test_nothing_found_is_a_result():

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+from collections import Counter
 from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -13,12 +14,22 @@ import pyarrow
 import pytest
 
 import finding_scenes as scenes
+from actev_rules import faults
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError, OutputError
 from scene4d.core.files import read_json
+from scene4d.core.progress import Silent
 from scene4d.core.tracks import Tracks
-from scene4d.searching import Asked, SearchOptions, SearchResult, search, understand
-from scene4d.searching._asking import reaches
+from scene4d.searching import (
+    Asked,
+    SearchOptions,
+    SearchResult,
+    answer,
+    search,
+    understand,
+    understand_all,
+)
+from scene4d.searching._asking import EVERYTHING, reaches
 from scene4d.searching._entry import lean_tracks, staged_run
 from scene4d.searching._places import Places
 from scene4d.searching.activities import _casting as casting
@@ -52,6 +63,10 @@ def asked(scene: Scene, words: str, **options) -> Asked:
     return understand(scene, words, SearchOptions(**options))
 
 
+def answer_silently(one: Asked) -> SearchResult:
+    return answer(one, Silent())
+
+
 def test_who_enters_the_car_is_found_once_where_and_when_it_is(gate):
     done = search(gate, ENTERS)
     assert len(done.events) == 1
@@ -78,9 +93,45 @@ def test_json_has_the_promised_keys_and_only_these(gate):
     assert any(line.startswith("near(person, vehicle") for line in done["predicates"])
     assert np.prod(list(one["why"].values())) == pytest.approx(one["score"], rel=1e-6)
     assert (one["run"], one["clip"]) == ("morning", "morning")
-    assert one["probability"] is None
-    assert "not calibrated as a probability" in one["notes"][0]
+    (known,) = {e.event.calibration for e in search(gate, ENTERS).events}
+    assert one["probability"] == pytest.approx(float(known.at(np.array(one["score"]))))
+    assert one["notes"] == [known.note]
+    assert "annotated tracks" in known.note
     json.dumps(done, allow_nan=False)
+
+
+def test_where_no_score_is_calibrated_it_says_so_and_gives_none(gate):
+    for one in search(gate, "person moves").to_dict()["events"]:
+        assert one["probability"] is None
+        assert one["notes"][0].startswith("probability: unknown")
+    with pytest.raises(InputError, match="min_probability: the scores of 'person moves' are not"):
+        search(gate, "person moves", min_probability=0.5)
+    with pytest.raises(InputError, match="between 0 and 1"):
+        SearchOptions(min_probability=1.2)
+
+
+def test_min_probability_keeps_the_probable(gate):
+    (one,) = search(gate, ENTERS).events
+    stated = one.event.probability
+    assert 0.5 < stated < 0.999
+    for least, kept in ((0.3, 1), (stated - 1e-6, 1), (min(stated + 1e-3, 1.0), 0), (1.0, 0)):
+        assert len(search(gate, ENTERS, min_probability=least).events) == kept, least
+
+
+def test_several_searches_at_once(gate, tmp_path):
+    two = understand_all(gate, f"{ENTERS}; two people meet;", SearchOptions())
+    assert [one.query.text for one in two] == [ENTERS, "two people meet"]
+    assert [one.to_dict() for one in map(answer_silently, two)] == [
+        search(gate, words).to_dict() for words in (ENTERS, "two people meet")
+    ]
+    names = {one.query.activity.name for one in understand_all(gate, EVERYTHING, SearchOptions())}
+    assert {"person_enters_vehicle", "vehicle_stops", "people_meet"} <= names
+    assert "person_enters_through_zone" not in names  # no zone is named
+    people = scenes.write_scene(tmp_path / "people", scenes.people())
+    alone = understand_all(Scene.open(people), EVERYTHING, SearchOptions())
+    assert all("vehicle" not in one.query.activity.name for one in alone)
+    with pytest.raises(InputError, match="nonsense"):
+        understand_all(gate, f"{ENTERS}; nonsense", SearchOptions())
 
 
 def test_times_of_day_are_iso_8601_where_the_start_is_known(gate, tmp_path):
@@ -552,6 +603,21 @@ def test_actev_names_every_clip_and_every_event(tmp_path):
     (signal,) = one["localization"].values()
     assert signal == {str(event.begin_frame): 1, str(event.end_frame + 1): 0}
     assert one["presenceConf"] == event.event.score
+
+
+def test_actev_holds_several_activities_in_one_file(tmp_path):
+    everybody = [*scenes.people(), scenes.parked()]
+    scene = scenes.write_scene(tmp_path / "scene", everybody, run="a")
+    asked = understand_all(Scene.open(scene), EVERYTHING, SearchOptions())
+    first, *others = map(answer_silently, asked)
+    first.save_actev(tmp_path / "out.json", *others)
+    values = read_json(tmp_path / "out.json")
+    assert faults(values) == []
+    assert values["filesProcessed"] == ["a"]
+    found = Counter(one["activity"] for one in values["activities"])
+    assert found["person_enters_vehicle"] == 1
+    assert found["people_meet"] >= 1
+    assert sum(found.values()) == sum(len(one.events) for one in (first, *others))
 
 
 def test_two_clips_of_one_name_keep_apart():

@@ -101,25 +101,30 @@ def _show_activities(found: ActivityEvaluation, out: Path | None) -> None:
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
     table.add_column("Activity", no_wrap=True)
     table.add_column("Labels", justify="right")
-    for name in ("AP", *(f"@{rate:g}" for rate in FALSE_PER_MINUTE)):
-        for method in found.methods:
-            table.add_column(f"{name}\n{method.name}", justify="right", no_wrap=True)
+    for method in found.methods:
+        table.add_column(f"AP\n{method.name}", justify="right", no_wrap=True)
+    first = found.methods[0].name
+    more = (*(f"@{rate:g}" for rate in FALSE_PER_MINUTE), "IoU 0.5", "error of P")
+    for name in more:
+        table.add_column(f"{name}\n{first}", justify="right", no_wrap=True)
     for activity in found.activities:
         if not found.labels[activity]:
             continue
         outcomes = [found.of(method.name, activity) for method in found.methods]
         cells = [_precision(one.average_precision) for one in outcomes]
-        for rate in FALSE_PER_MINUTE:
-            cells += [_precision(one.missed_at(rate)) for one in outcomes]
+        ours, trust = outcomes[0], outcomes[0].trust
+        cells += [_precision(ours.missed_at(rate)) for rate in FALSE_PER_MINUTE]
+        cells.append(_precision(ours.precision_by("IoU 0.5")))
+        cells.append(_precision(None if trust is None else trust.expected_error))
         table.add_row(activity, str(found.labels[activity]), *cells)
     means = [found.mean_average_precision(method.name) for method in found.methods]
-    blank = [""] * (len(found.methods) * len(FALSE_PER_MINUTE))
-    table.add_row("mean", "", *map(_precision, means), *blank, style="bold")
+    table.add_row("mean", "", *map(_precision, means), *[""] * len(more), style="bold")
     with screen() as console:
         console.print(
             f"{found.name}: {found.clips} clips, {found.minutes:g} minutes, cameras "
             f"{' and '.join(found.reported)}; constants chosen on {' and '.join(found.tuned)}. "
-            "AP: average precision. @r: share missed at r false alarms per minute."
+            "AP: average precision. @r: share missed at r false alarms per minute. IoU 0.5: AP "
+            "where half of the time must be common. Error of P: of the stated probabilities."
         )
         console.print()
         console.print(table)

@@ -32,7 +32,8 @@ def search(
         str,
         typer.Argument(
             metavar="WORDS",
-            help='What to search for, in quotes, as "person enters vehicle".',
+            help='What to search for, in quotes, as "person enters vehicle"; several with ";" '
+            'between them, or "all activities".',
             show_default=False,
         ),
     ],
@@ -49,9 +50,20 @@ def search(
             metavar="P",
             min=0.0,
             max=1.0,
-            help="Lowest score of an event; values below 0.001 count as 0.001.",
+            help="Lowest score of an event, the product of its predicates: it ranks events of one "
+            "search and is no probability; values below 0.001 count as 0.001.",
         ),
     ] = 0.05,
+    min_probability: Annotated[
+        float | None,
+        typer.Option(
+            metavar="P",
+            min=0.0,
+            max=1.0,
+            help="Lowest probability of an event; for activities of which scores are calibrated.",
+            show_default=False,
+        ),
+    ] = None,
     catalogue: Annotated[list[Path] | None, catalogue_option(_ASKED)] = None,
     zones: Annotated[Path | None, zones_option(_ASKED)] = None,
     footage: Annotated[
@@ -93,7 +105,8 @@ def search(
       scene4d search scene "person enters vehicle"
       scene4d search scene "two people meet" --out meetings --top 20
       scene4d search north south "person crosses line gate" --zones places.json
-      scene4d search scene "vehicle stops" --min-score 0.3 --json
+      scene4d search scene "vehicle stops" --min-probability 0.5 --json
+      scene4d search scene "all activities" --actev found.json
     """
     absent = [path for path in scenes if not path.is_dir()]
     if absent:
@@ -104,20 +117,26 @@ def search(
         )
     if footage is not None and out is None:
         raise typer.BadParameter("is for the page of --out", param_hint="--footage")
-    from scene4d.searching import SearchOptions, answer, understand
+    from scene4d.searching import SearchOptions, answer, understand_all
     from scene4d.store.query import Scene
 
-    options = SearchOptions(min_score, top, tuple(catalogue or ()), zones, footage)
-    asked = understand(Scene.open(*scenes), words, options)
+    options = SearchOptions(min_score, top, min_probability, tuple(catalogue or ()), zones, footage)
+    asked = understand_all(Scene.open(*scenes), words, options)
+    if len(asked) > 1 and out is not None:
+        raise typer.BadParameter("is for one search", param_hint="--out")
     if not job.as_json:
-        _show_understood(asked)
+        for one in asked:
+            _show_understood(one)
     with output_folder(out), job.progress() as progress:
-        done = answer(asked, progress)
+        done = [answer(one, progress) for one in asked]
         if out is not None:
-            done.save(out, command=command_line(), progress=progress)
+            done[0].save(out, command=command_line(), progress=progress)
         if actev is not None:
-            done.save_actev(actev)
-    return Answer(done.to_dict(), lambda: _show(done, out=out, actev=actev), asked.notes)
+            done[0].save_actev(actev, *done[1:])
+    found = [one.to_dict() for one in done]
+    notes = tuple(dict.fromkeys(note for one in asked for note in one.notes))
+    said = found[0] if len(found) == 1 else {"searches": found}
+    return Answer(said, lambda: _show(done, out=out, actev=actev), notes)
 
 
 def _show_understood(asked: "Asked") -> None:
@@ -134,34 +153,44 @@ def _show_understood(asked: "Asked") -> None:
         console.print()
 
 
-def _show(done: "SearchResult", *, out: Path | None, actev: Path | None) -> None:
+def _show(done: "list[SearchResult]", *, out: Path | None, actev: Path | None) -> None:
     from scene4d.cli.output import screen
 
-    shown = done.shown
     with screen() as console:
-        less = len(done.events) - len(shown)
-        rest = f" The {len(shown)} best of them:" if less else ""
-        console.print(f"{done.verdict}{rest}", style="bold", soft_wrap=True)
-        for number, found in enumerate(shown, 1):
-            console.print()
-            _show_event(console, number, found)
-        taken = ", ".join(f"{name} {s:.1f} s" for name, s in done.timings.items())
-        console.print(f"\nTime taken  {taken or 'none'}", style="dim")
+        for one in done:
+            _show_result(console, one, named=len(done) > 1)
         if out is not None:
             console.print(f"Page        {out / 'search.html'}", soft_wrap=True)
         if actev is not None:
             console.print(f"ActEV       {actev}", soft_wrap=True)
 
 
+def _show_result(console: "Console", done: "SearchResult", *, named: bool) -> None:
+    shown = done.shown
+    less = len(done.events) - len(shown)
+    rest = f" The {len(shown)} best of them:" if less else ""
+    name = f"{done.asked.query.text}: " if named else ""
+    console.print(f"{name}{done.verdict}{rest}", style="bold", soft_wrap=True)
+    for number, found in enumerate(shown, 1):
+        console.print()
+        _show_event(console, number, found)
+    for note in done.about_scores:
+        console.print(f"\n{note[0].upper()}{note[1:]}.", style="dim", soft_wrap=True)
+    taken = ", ".join(f"{name} {s:.1f} s" for name, s in done.timings.items())
+    console.print(f"\nTime taken  {taken or 'none'}", style="dim")
+
+
 def _show_event(console: "Console", number: int, found: "FoundEvent") -> None:
     from rich.padding import Padding
     from rich.text import Text
 
-    from scene4d.searching.result import why_groups
+    from scene4d.searching.result import probability_text, why_groups
 
+    probable = probability_text(found.event)
+    sure = f"  probability {probable}" if probable else ""
     roles = ", ".join(f"{role} {track}" for role, track in found.event.roles.items())
     console.print(
-        f"{number:3d}  {found.event.score:.2f}  {found.when}  camera {found.run.camera}",
+        f"{number:3d}  {found.event.score:.2f}{sure}  {found.when}  camera {found.run.camera}",
         style="bold",
         soft_wrap=True,
     )

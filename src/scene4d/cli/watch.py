@@ -99,7 +99,7 @@ def watch(
             metavar="P",
             min=0.0,
             max=1.0,
-            help="Lowest score of an event.",
+            help="Lowest score of an event, which ranks events and is no probability.",
             rich_help_panel=_ASKED,
         ),
     ] = 0.3,

@@ -1,6 +1,6 @@
 """``scene4d search``: words in, ranked events out."""
 
-from scene4d.searching._asking import Asked, SearchOptions, understand
+from scene4d.searching._asking import Asked, SearchOptions, understand, understand_all
 from scene4d.searching._entry import answer, search
 from scene4d.searching.result import FoundEvent, SearchResult
 
@@ -12,4 +12,5 @@ __all__ = [
     "answer",
     "search",
     "understand",
+    "understand_all",
 ]

@@ -8,13 +8,16 @@ from scene4d.core.errors import InputError
 from scene4d.core.text import nearest
 from scene4d.searching._places import Places, read_places
 from scene4d.searching.activities._terms import places_of
+from scene4d.searching.activities.calibrated import calibration_of
 from scene4d.searching.activities.catalogue import load_catalogue
-from scene4d.searching.activities.search import MIN_SCORE
+from scene4d.searching.activities.search import LEAST_SCORE, MIN_SCORE
 from scene4d.searching.language import Query, Window, parse_query
 from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
 
+EVERYTHING = "all activities"
+"""Asks for every activity of the catalogue."""
 _DAY_S = 86_400.0
 
 
@@ -22,7 +25,8 @@ _DAY_S = 86_400.0
 class SearchOptions:
     """The options of a search.
 
-    ``min_score`` is the lowest score of an event. ``top`` is how many events are shown with images
+    ``min_score`` is the lowest score of an event, ``min_probability`` the lowest probability, which
+    only calibrated scores have. ``top`` is how many events are shown with images
     on the page; the result holds all. ``catalogues`` are YAML files of activities, added to the
     built-in ones; ``zones`` is a file of named zones and lines. ``footage`` is a file or a folder
     with the footage, if it has moved since it was tracked.
@@ -30,6 +34,7 @@ class SearchOptions:
 
     min_score: float = MIN_SCORE
     top: int = 10
+    min_probability: float | None = None
     catalogues: Sequence[str | Path] = ()
     zones: str | Path | None = None
     footage: str | Path | None = None
@@ -38,6 +43,10 @@ class SearchOptions:
         """Check the values; raises :class:`InputError`."""
         if not 0 <= self.min_score <= 1:
             raise InputError(f"min_score must lie between 0 and 1, found {self.min_score}")
+        if self.min_probability is not None and not 0 <= self.min_probability <= 1:
+            raise InputError(
+                f"min_probability must lie between 0 and 1, found {self.min_probability}"
+            )
         if self.top < 1:
             raise InputError(f"top must be at least 1, found {self.top}")
         if self.footage is not None and not Path(self.footage).exists():
@@ -55,6 +64,13 @@ class Asked:
     options: SearchOptions
     places: Places
     notes: tuple[str, ...]
+
+    @property
+    def least_score(self) -> float:
+        """The lowest score of an event that is asked for: at least :data:`LEAST_SCORE`."""
+        least = max(self.options.min_score, LEAST_SCORE)
+        known, wanted = calibration_of(self.query.activity), self.options.min_probability
+        return least if wanted is None or known is None else max(least, known.least_score(wanted))
 
 
 def understand(scene: Scene, words: str, options: SearchOptions) -> Asked:
@@ -76,6 +92,28 @@ def understand(scene: Scene, words: str, options: SearchOptions) -> Asked:
     return Asked(scene, query, options, named, tuple(notes))
 
 
+def understand_all(scene: Scene, words: str, options: SearchOptions) -> list[Asked]:
+    """Several searches, as :func:`understand`: words with ``;`` between them, or
+    :data:`EVERYTHING`, which are those activities of the catalogue that the scene can hold.
+    """
+    several = [part for part in map(str.strip, words.split(";")) if part]
+    if several == [EVERYTHING]:
+        return _everything(scene, options)
+    return [understand(scene, part, options) for part in several or [words]]
+
+
+def _everything(scene: Scene, options: SearchOptions) -> list[Asked]:
+    asked, refused = [], InputError(f"{EVERYTHING!r}: the catalogue is empty")
+    for name, activity in load_catalogue(*map(Path, options.catalogues)).items():
+        try:
+            asked.append(understand(scene, next(iter(activity.phrases), name), options))
+        except InputError as error:
+            refused = error
+    if not asked:
+        raise refused
+    return asked
+
+
 def words_of(words: str, options: SearchOptions, cameras: Sequence[str]) -> tuple[Query, Places]:
     """The words as understood, and the places that they name, of these cameras.
 
@@ -84,6 +122,11 @@ def words_of(words: str, options: SearchOptions, cameras: Sequence[str]) -> tupl
     places = Places() if options.zones is None else read_places(Path(options.zones), cameras)
     catalogue = load_catalogue(*map(Path, options.catalogues))
     query = parse_query(words, catalogue, zones=places.names("zone"), lines=places.names("line"))
+    if options.min_probability is not None and calibration_of(query.activity) is None:
+        raise InputError(
+            f"min_probability: the scores of {query.text!r} are not calibrated, only those of some "
+            "activities of the catalogue as they stand there; min_score limits the score"
+        )
     used = _used(query, places)
     return query, Places(tuple(place for place in places.all if place.name in used))
 

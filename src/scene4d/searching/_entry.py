@@ -161,8 +161,9 @@ def _search_run(result: SearchResult, stage: Stage, run: Run) -> None:
     asked = result.asked
     result.runs.append(run)
     result.rows += len(stage.tracks)
-    judged = judge(stage, asked.query.activity, min_score=asked.options.min_score)
-    events = _in_window(asked.query.window, run, judged.events)
+    judged = judge(stage, asked.query.activity, min_score=min(asked.least_score, 1.0))
+    found = [event for event in judged.events if event.score >= asked.least_score]
+    events = _in_window(asked.query.window, run, found)
     if not events:
         result.candidates += judged.casts
     for number, event in enumerate(events):

@@ -17,7 +17,6 @@ from scene4d.core.tables import data_frame
 from scene4d.core.tracks import Tracks
 from scene4d.searching._asking import Asked, reaches
 from scene4d.searching.activities._events import Event
-from scene4d.searching.activities.search import LEAST_SCORE
 from scene4d.store.runs import Run
 
 if TYPE_CHECKING:
@@ -25,7 +24,10 @@ if TYPE_CHECKING:
 
 SEARCH_SCHEMA = "scene4d/search/1"
 """Name and version of ``events.json``, and of what ``--json`` prints."""
-_NOT_CALIBRATED = "the score ranks events; for this activity it is not calibrated as a probability"
+_NOT_CALIBRATED = (
+    "probability: unknown; scores are calibrated for some activities of the catalogue, as they "
+    "stand there. The score ranks events"
+)
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _KPF = (".geom.yml", ".types.yml")
 _REFUSED_BY_SCORER = re.compile(r"[^A-Za-z0-9_\-.]")
@@ -57,6 +59,12 @@ class FoundEvent:
         began = self._moment(self.event.begin_s)
         return clip if began is None else f"{began:%Y-%m-%d %H:%M:%S} UTC, clip {clip}"
 
+    @property
+    def notes(self) -> list[str]:
+        """What its probability is of, or why there is none."""
+        known = self.event.calibration
+        return [_NOT_CALIBRATED if known is None else known.note]
+
     def to_dict(self) -> dict[str, Any]:
         """The event as in ``--json``, ``events.json`` and the page: times of day in ISO 8601 (UTC),
         null if the clip's start is unknown; null also for a predicate that cannot be judged.
@@ -66,7 +74,7 @@ class FoundEvent:
         return {
             "activity": event.activity,
             "score": event.score,
-            "probability": None,
+            "probability": event.probability,
             "begin_s": event.begin_s,
             "end_s": event.end_s,
             "begin_time": None if begin is None else _iso(begin),
@@ -78,7 +86,7 @@ class FoundEvent:
             "clip": self.clip,
             "roles": dict(event.roles),
             "why": {key: None if math.isnan(p) else p for key, p in event.why.items()},
-            "notes": [_NOT_CALIBRATED],
+            "notes": self.notes,
         }
 
     def _moment(self, time_s: float) -> datetime | None:
@@ -106,9 +114,9 @@ class SearchResult:
         return self.events[: self.asked.options.top]
 
     @property
-    def least_score(self) -> float:
-        """The lowest score of an event: ``min_score``, but at least :data:`LEAST_SCORE`."""
-        return max(self.asked.options.min_score, LEAST_SCORE)
+    def about_scores(self) -> list[str]:
+        """What is to be said of the probabilities of the best events, once."""
+        return list(dict.fromkeys(note for found in self.shown for note in found.notes))
 
     @property
     def verdict(self) -> str:
@@ -121,7 +129,7 @@ class SearchResult:
         what = {1: "track", 2: "pair"}.get(len(roles), "group")
         return (
             f"Nothing found in {where}: of {_count(self.candidates, f'candidate {what}')} "
-            f"({', '.join(roles)}) none scores {self.least_score:g} or more."
+            f"({', '.join(roles)}) none scores {self.asked.least_score:.2g} or more."
         )
 
     def __len__(self) -> int:
@@ -171,12 +179,13 @@ class SearchResult:
         from scene4d.searching.pages._plan import plan_svg, role_colours
 
         roles = [role.name for role in self.asked.query.activity.roles]
-        head = "<th>score</th><th>when</th><th>camera</th>" + "".join(
+        head = "<th>score</th><th>probability</th><th>when</th><th>camera</th>" + "".join(
             f'<th><span style="color:{colour}">&#9632;</span> {escape(role)}</th>'
             for role, colour in role_colours(roles).items()
         )
         rows = "".join(
-            f"<tr><td>{found.event.score:.2f}</td><td>{escape(found.when)}</td>"
+            f"<tr><td>{found.event.score:.2f}</td><td>{probability_text(found.event)}</td>"
+            f"<td>{escape(found.when)}</td>"
             f"<td>{escape(found.run.camera)}</td>"
             + "".join(f"<td>{found.event.roles[role]}</td>" for role in roles)
             + "</tr>"
@@ -203,25 +212,27 @@ class SearchResult:
 
         return write_page(self, Path(out), progress or Silent(), command)
 
-    def save_actev(self, path: str | Path) -> None:
-        """Write all events as NIST's ActEV_Scorer reads them, under the names that MEVA gives
-        activities where it gives one; files are named as the footage. Raises :class:`OutputError`.
+    def save_actev(self, path: str | Path, *others: "SearchResult") -> None:
+        """Write all events, and those of other searches of the same scene, as NIST's ActEV_Scorer
+        reads them, under the names that MEVA gives activities where it gives one; files are named
+        as the footage. Raises :class:`OutputError`.
         """
         from scene4d.formats.activities import ActevInstance, actev_json
 
-        asked = self.asked
-        searched = [run for run in asked.scene.runs if reaches(run, asked.query.window)]
-        names = actev_files(searched)
-        labels = asked.query.activity.labels
+        results = (self, *others)
+        windows = [one.asked.query.window for one in results]
+        runs = self.asked.scene.runs
+        names = actev_files([r for r in runs if any(reaches(r, window) for window in windows)])
         instances = [
             ActevInstance(
-                labels[0] if labels else found.event.activity,
+                next(iter(result.asked.query.activity.labels), found.event.activity),
                 names[found.run.run],
                 found.begin_frame,
                 found.end_frame,
                 found.event.score,
             )
-            for found in self.events
+            for result in results
+            for found in result.events
         ]
         write_json(path, actev_json(instances, list(names.values())))
 
@@ -243,6 +254,11 @@ def clip_time(seconds: float) -> str:
     hours, minutes = divmod(minutes, 60)
     text = f"{minutes:02d}:{tenths // 10:02d}.{tenths % 10}"
     return f"{hours}:{text}" if hours else text
+
+
+def probability_text(event: Event) -> str:
+    """``0.93``, or nothing where no probability is known."""
+    return "" if event.probability is None else f"{event.probability:.2f}"
 
 
 def why_groups(why: Mapping[str, float]) -> list[tuple[str, list[tuple[str, str, float]]]]:

@@ -139,6 +139,35 @@ def test_of_two_who_end_alike_the_one_who_bends_has_got_in():
     assert weighed(replace(PERSON, box_xyxy=bends), bus, CLOCK)[1] < bent
 
 
+def into_a_car_of(tall_m: float, box: np.ndarray, person_m: float = 1.75) -> float:
+    """P(the person whose boxes are these is in it), where heights are known to 5 cm."""
+    stage = stage_of(replace(PERSON, box_xyxy=box), car(), CLOCK, size=CAMERA.image_size)
+    tracks = stage.tracks
+    size = np.full((len(tracks), 3), np.nan)
+    size[:, 2] = np.where(tracks.class_name == "person", person_m, tall_m)
+    stage = replace(
+        stage, tracks=replace(tracks, size_m=size, size_sigma_m=np.full_like(size, 0.05))
+    )
+    a = stage.rows(np.flatnonzero(tracks.track == 1))
+    return float(disappears_into(a, stage.rows(np.full(len(a), stage.first_row[1]))).max())
+
+
+def test_posture_counts_as_far_as_one_cannot_stand_in_the_vehicle():
+    bends = PERSON.box_xyxy.copy()
+    bends[-3:, 1] += 0.4 * (bends[-3:, 3] - bends[-3:, 1])
+    heights = (1.5, 2.0, 2.35, 2.7, 3.1)
+    bent = [into_a_car_of(tall, bends) for tall in heights]
+    upright = [into_a_car_of(tall, PERSON.box_xyxy) for tall in heights]
+    told = np.subtract(bent, upright)
+    assert told[0] > 0.2
+    assert (np.diff(told) <= 1e-9).all()
+    # Half way where it is 0.6 m taller than he is, and nothing is told by a bus.
+    assert 0.3 < (upright[2] - upright[0]) / (upright[-1] - upright[0]) < 0.95
+    assert told[-1] == pytest.approx(0.0, abs=0.01)
+    # A child stands where a man stoops.
+    assert into_a_car_of(2.0, PERSON.box_xyxy, 1.2) > into_a_car_of(2.0, PERSON.box_xyxy) + 0.1
+
+
 def test_a_place_is_unknown_where_the_end_has_none():
     stage = stage_of(PERSON, car(), CLOCK, size=CAMERA.image_size, camera=CAMERA)
     tracks = replace(stage.tracks, xy_m=np.full_like(stage.tracks.xy_m, np.nan))

@@ -10,7 +10,7 @@ and no label is looked at.
 import re
 import tarfile
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
@@ -28,7 +28,7 @@ from scene4d.core.progress import Advance, Progress
 from scene4d.core.tracks import Tracks
 from scene4d.formats.activities import LabelledActivity, read_activities
 from scene4d.formats.cameras import read_calibration
-from scene4d.searching.activities.identity import unite_tracks
+from scene4d.searching.activities.identity import unite_tracks, united_numbers
 from scene4d.searching.predicates.stage import Stage
 from scene4d.searching.stages import stage_of
 from scene4d.tracking import TrackOptions
@@ -77,7 +77,10 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """One annotated clip: camera, length, tracks, ground, and labelled activities."""
+    """One annotated clip: camera, length, tracks, ground, and labelled activities.
+
+    ``united`` has the track in ``stage`` of every annotated track (:func:`.unite_tracks`).
+    """
 
     name: str
     camera: str
@@ -85,10 +88,19 @@ class Clip:
     stage: Stage
     ground: Ground
     labelled: tuple[LabelledActivity, ...]
+    united: Mapping[int, int]
+
+    def labels(self, names: Sequence[str]) -> list[LabelledActivity]:
+        """What is labelled with one of these names; actors are tracks of the stage."""
+        return [
+            replace(one, actors=tuple(self.united.get(actor, actor) for actor in one.actors))
+            for one in self.labelled
+            if one.name in names
+        ]
 
     def label_s(self, names: Sequence[str]) -> Float[np.ndarray, "r 2"]:
         """When anything of these names happens, in seconds."""
-        spans = [(one.begin_frame, one.end_frame) for one in self.labelled if one.name in names]
+        spans = [(one.begin_frame, one.end_frame) for one in self.labels(names)]
         return np.array(spans, float).reshape(-1, 2) / _FPS
 
 
@@ -158,14 +170,16 @@ def _clip(path: Path, annotated: Detections, ground: Ground) -> Clip:
     assert name is not None
     begin, end = (datetime.strptime(name[key], "%H-%M-%S") for key in ("begin", "end"))
     stem = path.name.removesuffix(_GEOM)
-    followed = _followed(annotated, ground)
+    stage = stage_of(_followed(annotated, ground), ground.calibration, everybody=False)
+    before = stage.tracks.track[stage.first_row]
     return Clip(
         name=stem,
         camera=ground.camera,
         minutes=(end - begin) % timedelta(days=1) / timedelta(minutes=1),
-        stage=unite_tracks(stage_of(followed, ground.calibration, everybody=False)),
+        stage=unite_tracks(stage),
         ground=ground,
         labelled=read_activities(path.with_name(stem + _ACTIVITIES)),
+        united=dict(zip(before.tolist(), united_numbers(stage).tolist(), strict=True)),
     )
 
 

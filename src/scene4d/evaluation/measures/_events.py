@@ -1,6 +1,6 @@
-"""Found events against labelled ones: NIST's matching rule, average precision, DET curve."""
+"""Found events against labelled ones: matching rules, average precision, DET curve."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,29 +30,34 @@ def may_match(
     return enough
 
 
+def shared_time(
+    label_s: Float[np.ndarray, "r 2"], found_s: Float[np.ndarray, "d 2"]
+) -> Float[np.ndarray, "r d"]:
+    """Temporal intersection over union of labels and found events; 0 of two that last no time."""
+    begin = np.maximum(label_s[:, None, 0], found_s[None, :, 0])
+    end = np.minimum(label_s[:, None, 1], found_s[None, :, 1])
+    both = np.maximum(end - begin, 0.0)
+    length = np.diff(label_s) + np.diff(found_s).T
+    share: np.ndarray = both / np.maximum(length - both, _ROUNDING_S)
+    return share
+
+
 def matched(
-    label_s: Float[np.ndarray, "r 2"],
-    found_s: Float[np.ndarray, "d 2"],
-    confidence: Float[np.ndarray, "d"],
+    allowed: Bool[np.ndarray, "r d"], confidence: Float[np.ndarray, "d"]
 ) -> Int[np.ndarray, "d"]:
     """Row of the label that each found event of one clip is; -1 where it is none.
 
-    Each label and each event is used once. Of all assignments the one with the greatest sum of
-    ``1 + confidence`` counts: as many pairs as possible, then confident ones. ``confidence`` is the
-    score scaled to 0 to 1. Raises :class:`InputError` for other values, and for spans that end
-    before they begin.
+    Each label and each event is used once. Of all ``allowed`` assignments the one with the greatest
+    sum of ``1 + confidence`` counts: as many pairs as possible, then confident ones. ``confidence``
+    is the score scaled to 0 to 1. Raises :class:`InputError` for other values.
     """
-    for name, span in (("label", label_s), ("found event", found_s)):
-        if not (span[:, 1] >= span[:, 0]).all():
-            raise InputError(f"matching: a {name} ends before it begins")
     if not ((confidence >= 0) & (confidence <= 1)).all():
         raise InputError("matching: a confidence is not between 0 and 1")
-    allowed = may_match(label_s, found_s)
     rows, columns = linear_sum_assignment(
         np.where(allowed, 1.0 + confidence[None, :], 0.0), maximize=True
     )
     held = allowed[rows, columns]
-    found = np.full(len(found_s), -1)
+    found = np.full(allowed.shape[1], -1)
     found[columns[held]] = rows[held]
     return found
 
@@ -67,11 +72,42 @@ def scaled(score: Float[np.ndarray, "d"]) -> Float[np.ndarray, "d"]:
 
 @dataclass(frozen=True, eq=False)
 class ClipEvents:
-    """Labels of one clip and the events found in it: begin and end in seconds, scores."""
+    """Labels of one clip and the events found in it: begin and end in seconds, scores.
 
+    ``involved`` says of which labels all who take part in a found event are actors. Raises
+    :class:`InputError` for spans that end before they begin.
+    """
+
+    camera: str
+    minutes: float
     label_s: Float[np.ndarray, "r 2"]
     found_s: Float[np.ndarray, "d 2"]
     score: Float[np.ndarray, "d"]
+    involved: Bool[np.ndarray, "r d"]
+
+    def __post_init__(self) -> None:
+        for name, span in (("label", self.label_s), ("found event", self.found_s)):
+            if not (span[:, 1] >= span[:, 0]).all():
+                raise InputError(f"matching: a {name} ends before it begins")
+
+
+Rule = Callable[[ClipEvents], np.ndarray]
+"""Which labels and found events of a clip may be one, (r, d)."""
+
+
+def overlap_by(share: float) -> Rule:
+    """The rule of a temporal intersection over union of at least ``share``."""
+    return lambda clip: shared_time(clip.label_s, clip.found_s) >= share
+
+
+RULES: Mapping[str, Rule] = {
+    "1 s": lambda clip: may_match(clip.label_s, clip.found_s),
+    "IoU 0.2": overlap_by(0.2),
+    "IoU 0.5": overlap_by(0.5),
+    "participants": lambda clip: may_match(clip.label_s, clip.found_s) & clip.involved,
+}
+"""NIST's rule (:func:`may_match`); overlaps in time; NIST's rule for the right participants."""
+NIST = "1 s"
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,16 +154,14 @@ class Ranked:
             )
 
     @classmethod
-    def of_clips(cls, clips: Sequence[ClipEvents], minutes: float) -> "Ranked":
-        """Match clip by clip (:func:`matched`), and rank over all clips."""
-        score = np.concatenate([np.zeros(0), *(clip.score for clip in clips)])
-        ends = np.cumsum([0, *(len(clip.score) for clip in clips)])
-        confidence = scaled(score)
-        correct = np.zeros(len(score), bool)
-        for clip, begin, end in zip(clips, ends[:-1], ends[1:], strict=True):
-            found = matched(clip.label_s, clip.found_s, confidence[begin:end])
-            correct[begin:end] = found >= 0
-        return cls(score, correct, sum(len(clip.label_s) for clip in clips), float(minutes))
+    def pooled(cls, parts: Sequence["Ranked"]) -> "Ranked":
+        """All parts, such as clips, as one ranking; at least one."""
+        return cls(
+            np.concatenate([part.score for part in parts]),
+            np.concatenate([part.correct for part in parts]),
+            sum(part.labels for part in parts),
+            sum(part.minutes for part in parts),
+        )
 
     @property
     def average_precision(self) -> float | None:
@@ -136,11 +170,19 @@ class Ranked:
         Labels that were never found count as recall that is never reached; nothing is interpolated
         (Salton & McGill 1983; as scikit-learn). None where nothing is labelled.
         """
-        if not self.labels:
-            return None
-        true, false = self._counts()
-        gained = np.diff(true, prepend=0.0) / self.labels
-        return float(np.sum(gained * true / (true + false)))
+        weight = np.ones((1, len(self.score)))
+        return float(self._precisions(weight, np.array([self.labels]))[0]) if self.labels else None
+
+    def _precisions(
+        self, weight: Float[np.ndarray, "b d"], labels: Int[np.ndarray, "b"]
+    ) -> Float[np.ndarray, "b"]:
+        """Average precision where each event, and so many labels, count so often."""
+        order, last_of_ties = self._order()
+        weight = weight[:, order]
+        true = np.cumsum(weight * self.correct[order], axis=1)[:, last_of_ties]
+        total = np.maximum(np.cumsum(weight, axis=1)[:, last_of_ties], 1e-9)
+        gained = np.diff(true, prepend=0.0, axis=1)
+        return np.asarray((gained * true / total).sum(axis=1) / labels)
 
     @property
     def det(self) -> DetCurve | None:
@@ -152,8 +194,43 @@ class Ranked:
 
     def _counts(self) -> tuple[Float[np.ndarray, "k"], Float[np.ndarray, "k"]]:
         """Correct and false events at or above each score, from the highest on; ties share one."""
+        order, last_of_ties = self._order()
+        true = np.cumsum(self.correct[order], dtype=float)[last_of_ties]
+        return true, np.arange(1.0, len(order) + 1)[last_of_ties] - true
+
+    def _order(self) -> tuple[Int[np.ndarray, "d"], Bool[np.ndarray, "d"]]:
+        """The events from the highest score on, and which is the last of equal ones."""
         order = np.argsort(-self.score, kind="stable")
         ranked = self.score[order]
-        last_of_ties = np.append(ranked[1:] != ranked[:-1], True) if len(ranked) else ranked > 0
-        true = np.cumsum(self.correct[order], dtype=float)[last_of_ties]
-        return true, np.arange(1.0, len(ranked) + 1)[last_of_ties] - true
+        last = np.append(ranked[1:] != ranked[:-1], True) if len(ranked) else ranked > 0
+        return order, last
+
+
+def ranked_clips(clips: Sequence[ClipEvents], rule: Rule) -> list[Ranked]:
+    """The events of each clip, matched with its labels; scores are scaled over all clips."""
+    confidence = scaled(np.concatenate([np.zeros(0), *(clip.score for clip in clips)]))
+    ends = np.cumsum([len(clip.score) for clip in clips])
+    out = []
+    for clip, end in zip(clips, ends, strict=True):
+        found = matched(rule(clip), confidence[end - len(clip.score) : end])
+        out.append(Ranked(clip.score, found >= 0, len(clip.label_s), clip.minutes))
+    return out
+
+
+def precision_interval(
+    clips: Sequence[Ranked], draws: int = 400, seed: int = 0
+) -> tuple[float, float] | None:
+    """95 % of the average precision over clips drawn with replacement (Efron 1979, percentiles).
+
+    Draws without a label are left out; None where nothing is labelled.
+    """
+    pooled = Ranked.pooled(clips)
+    if not pooled.labels:
+        return None
+    share = np.full(len(clips), 1 / len(clips))
+    often = np.random.default_rng(seed).multinomial(len(clips), share, size=draws)
+    labels = often @ np.array([clip.labels for clip in clips])
+    often, labels = often[labels > 0], labels[labels > 0]
+    weight = np.repeat(often, [len(clip.score) for clip in clips], axis=1).astype(float)
+    low, high = np.quantile(pooled._precisions(weight, labels), [0.025, 0.975])
+    return float(low), float(high)

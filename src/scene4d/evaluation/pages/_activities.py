@@ -1,19 +1,22 @@
 """The page of an evaluation of activity search: what was found, and what limits the figures."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from scene4d.drawing.page import Shown, data_uri, rendered, seconds_text
 from scene4d.drawing.style import Drawn
 from scene4d.drawing.words import number
+from scene4d.evaluation.measures._events import NIST, RULES
 from scene4d.evaluation.pages._table import Cell
 from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation
+from scene4d.searching.activities.search import MIN_SCORE
 
 
 @dataclass(frozen=True)
 class ActivityLine:
-    """One activity; the cells go by measure, and within it by method."""
+    """One activity, its names in the data set, and how often it is labelled."""
 
     activity: str
     names: str
@@ -21,47 +24,139 @@ class ActivityLine:
     cells: tuple[Cell, ...]
 
 
-def measures() -> tuple[str, ...]:
-    """Headings of the groups of columns."""
-    return (
-        "average precision",
-        *(f"missed at {rate:g} false alarms a minute" for rate in FALSE_PER_MINUTE),
+@dataclass(frozen=True)
+class Sheet:
+    """A table: groups of columns with a heading each, and a line per activity, the last the mean
+    of all.
+    """
+
+    heading: str
+    caption: str
+    groups: tuple[tuple[str, tuple[str, ...]], ...]
+    lines: tuple[ActivityLine, ...]
+
+
+_Column = Callable[[str], float | None]
+"""The value of an activity."""
+
+
+def sheets(evaluation: ActivityEvaluation) -> list[Sheet]:
+    """All tables: by method, by rule and camera, and of the probabilities."""
+    return [_by_method(evaluation), _by_rule(evaluation), _trust(evaluation)]
+
+
+def _by_method(evaluation: ActivityEvaluation) -> Sheet:
+    names = tuple(method.name for method in evaluation.methods)
+    ours = evaluation.ours
+    columns: list[_Column] = [
+        lambda one, name=name: evaluation.of(name, one).average_precision  # type: ignore[misc]
+        for name in names
+    ]
+    columns += [
+        lambda one, rate=rate: ours(one).missed_at(rate)  # type: ignore[misc]
+        for rate in FALSE_PER_MINUTE
+    ]
+    caption = " ".join(f"{method.name}: {method.description}." for method in evaluation.methods)
+    groups = (
+        ("average precision", names),
+        (
+            f"{names[0]}: missed at false alarms a minute",
+            tuple(f"{rate:g}" for rate in FALSE_PER_MINUTE),
+        ),
+    )
+    note = " The best average precision is bold. A dash: the method cannot look for this."
+    return _sheet(evaluation, "Every activity", caption + note, groups, columns, best=len(names))
+
+
+def _by_rule(evaluation: ActivityEvaluation) -> Sheet:
+    ours = evaluation.ours
+
+    def column(rule: str, camera: str | None = None) -> _Column:
+        return lambda one: ours(one).precision_by(rule, camera)
+
+    cameras = evaluation.reported if len(evaluation.reported) > 1 else ()
+    columns = [column(rule, camera) for camera in (None, *cameras) for rule in RULES]
+    ranges = {number: rule for number, rule in enumerate(RULES) if rule in (NIST, "IoU 0.5")}
+    caption = (
+        f"Average precision of {evaluation.methods[0].name}. 1 s: NIST's rule; IoU: at least so "
+        "much of the time of both is common to both; participants: NIST's rule, and all who take "
+        "part are actors of the label. In brackets, 95 % over clips drawn with replacement."
+    )
+    groups = tuple((name, tuple(RULES)) for name in ("all cameras", *cameras))
+    heading = "How exactly, and on which camera"
+    return _sheet(evaluation, heading, caption, groups, columns, ranges=ranges)
+
+
+def _trust(evaluation: ActivityEvaluation) -> Sheet:
+    def column(name: str) -> _Column:
+        def value(one: str) -> float | None:
+            trust = evaluation.ours(one).trust
+            return None if trust is None else float(getattr(trust, name))
+
+        return value
+
+    names = ("stated", "right", "expected_error")
+    caption = (
+        f"Events with a score of {MIN_SCORE:g} or more, which a search shows by default: mean of "
+        "the stated probability, share that was right, and expected calibration error (the mean "
+        "distance of the two in ten bins). Probabilities were fitted on cameras "
+        f"{' and '.join(evaluation.tuned)}. A dash: too few labels there."
+    )
+    groups = (("probability", ("stated", "right", "error")),)
+    return _sheet(
+        evaluation, "Are the probabilities true", caption, groups, [column(name) for name in names]
     )
 
 
-def lines(evaluation: ActivityEvaluation) -> list[ActivityLine]:
-    """The table: activities that are labelled, then the mean."""
-    made = []
-    for name, names in evaluation.activities.items():
-        if not evaluation.labels[name]:
-            continue
-        outcomes = [evaluation.of(method.name, name) for method in evaluation.methods]
-        groups = [[outcome.average_precision for outcome in outcomes]]
-        groups += [[outcome.missed_at(rate) for outcome in outcomes] for rate in FALSE_PER_MINUTE]
-        known = ", ".join(n for n in names if n != name)
-        cells = _cells(evaluation, groups)
-        made.append(
-            ActivityLine(name.replace("_", " "), known, str(evaluation.labels[name]), cells)
-        )
-    means = [[evaluation.mean_average_precision(method.name) for method in evaluation.methods]]
-    made.append(ActivityLine("mean", "", "", _cells(evaluation, means)))
-    return made
+def _sheet(
+    evaluation: ActivityEvaluation,
+    heading: str,
+    caption: str,
+    groups: tuple[tuple[str, tuple[str, ...]], ...],
+    columns: Sequence[_Column],
+    *,
+    best: int = 0,
+    ranges: Mapping[int, str] = MappingProxyType({}),
+) -> Sheet:
+    """A table of columns; the highest of the first ``best`` ones is marked, and columns of rules
+    that have ``ranges`` show them.
+    """
+    labels = [f"{group}, {name}" for group, names in groups for name in names]
+    shown = [name for name, count in evaluation.labels.items() if count]
+    values = {name: [column(name) for column in columns] for name in shown}
+    lines = []
+    for name in shown:
+        spans = {number: evaluation.ours(name).interval(rule) for number, rule in ranges.items()}
+        also = ", ".join(n for n in evaluation.activities[name] if n != name)
+        cells = _cells(labels, values[name], best, spans)
+        count = str(evaluation.labels[name])
+        lines.append(ActivityLine(name.replace("_", " "), also, count, cells))
+    means: list[float | None] = []
+    for column in zip(*values.values(), strict=True):
+        known = [value for value in column if value is not None]
+        means.append(sum(known) / len(known) if known else None)
+    lines.append(ActivityLine("mean", "", "", _cells(labels, means or [None] * len(labels), best)))
+    return Sheet(heading, caption, groups, tuple(lines))
 
 
-def _cells(evaluation: ActivityEvaluation, groups: list[list[float | None]]) -> tuple[Cell, ...]:
+def _cells(
+    labels: Sequence[str],
+    values: Sequence[float | None],
+    best: int,
+    spans: Mapping[int, tuple[float, float] | None] = MappingProxyType({}),
+) -> tuple[Cell, ...]:
+    compared = [value for value in values[:best] if value is not None]
+    top = max(compared) if len(set(compared)) > 1 else None
     cells = []
-    for k, measure in enumerate(measures()):
-        values = groups[k] if k < len(groups) else [None] * len(evaluation.methods)
-        known = [value for value in values if value is not None]
-        best = (max(known) if k == 0 else min(known)) if len(set(known)) > 1 else None
-        for method, value in zip(evaluation.methods, values, strict=True):
-            label = f"{measure}, {method.name}"
-            cells.append(_cell(label, value, best))
+    for place, (label, value) in enumerate(zip(labels, values, strict=True)):
+        if value is None:
+            cells.append(Cell(label))
+            continue
+        text = number(value, 2)
+        if span := spans.get(place):
+            text += f" [{number(span[0], 2)}, {number(span[1], 2)}]"
+        cells.append(Cell(label, text, best=place < best and value == top))
     return tuple(cells)
-
-
-def _cell(label: str, value: float | None, best: float | None) -> Cell:
-    return Cell(label) if value is None else Cell(label, number(value, 2), best=value == best)
 
 
 def verdict(evaluation: ActivityEvaluation) -> str:
@@ -103,9 +198,7 @@ def render_activities(
         "title": f"{evaluation.name.upper()}: activities on cameras "
         f"{' and '.join(evaluation.reported)}",
         "verdict": verdict(evaluation),
-        "methods": evaluation.methods,
-        "measures": measures(),
-        "lines": lines(evaluation),
+        "sheets": sheets(evaluation),
         "notes": evaluation.notes,
         "figures": figures,
         "provenance": _provenance(evaluation, command),

@@ -1,5 +1,6 @@
-"""Baselines of a search: the same activities in pixels, and P(near) alone."""
+"""Baselines of a search: activities in pixels and in box sizes, P(near) alone, ends of tracks."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -53,15 +54,42 @@ def in_pixels(stage: Stage, metres_per_px: float) -> Stage:
     """
     if not metres_per_px > 0:
         raise InputError(f"metres_per_px must be positive, found {metres_per_px}")
+    return _in_image(stage, np.full(len(stage.tracks), metres_per_px))
+
+
+def in_box_sizes(stage: Stage, box_m: float) -> Stage:
+    """As :func:`in_pixels`, where each box, the root of its area, is ``box_m`` long: things move by
+    their own sizes, which needs no camera. Positions of two of them cannot be compared.
+    """
+    size = np.clip(stage.tracks.box_xyxy[:, 2:] - stage.tracks.box_xyxy[:, :2], 1.0, None)
+    return _in_image(stage, box_m / np.sqrt(size.prod(axis=1)))
+
+
+def track_ends(
+    stage: Stage, classes: Sequence[str], length_s: float, at_end: bool
+) -> tuple[Float[np.ndarray, "t 2"], Float[np.ndarray, "t"], Int[np.ndarray, "t"]]:
+    """What one finds who knows nothing but when tracks end (or begin): one event of ``length_s``
+    there per track of the classes, the shorter the track the better; spans, scores, tracks.
+    """
+    first, last = stage.first_row, stage.last_row
+    mine = np.isin(stage.tracks.class_name[first], classes)
+    begin_s, end_s = (stage.tracks.time_s[rows[mine]] for rows in (first, last))
+    begin = end_s - length_s if at_end else begin_s
+    spans = np.column_stack([begin, begin + length_s])
+    return spans, 1 / (1 + end_s - begin_s), stage.tracks.track[first[mine]]
+
+
+def _in_image(stage: Stage, metres_per_px: Float[np.ndarray, "n"]) -> Stage:
     tracks = stage.tracks
     box = tracks.box_xyxy
-    xy = np.column_stack([(box[:, 0] + box[:, 2]) / 2, -box[:, 3]]) * metres_per_px
+    uv = np.column_stack([(box[:, 0] + box[:, 2]) / 2, -box[:, 3]])
     variance = (NOISE_SHARE * metres_per_px * (box[:, 3] - box[:, 1])) ** 2
-    velocity, spread = _slopes(stage, xy)
+    slope, spread = _slopes(stage, uv)
+    velocity = slope * metres_per_px[:, None]
     own = variance[:, None, None] * np.eye(2)
     moved = replace(
         tracks,
-        xy_m=xy,
+        xy_m=uv * metres_per_px[:, None],
         covariance_m2=own,
         shared_covariance_m2=np.zeros_like(own),
         velocity_mps=velocity,

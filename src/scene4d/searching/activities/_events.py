@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from scene4d.searching.activities._compose import Aligned
 from scene4d.searching.activities._evidence import Evidence, at_least_text, phase_value
 from scene4d.searching.activities._terms import term_text
+from scene4d.searching.activities.calibrated import ScoreCalibration
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.predicates.stage import Stage
 
@@ -25,7 +26,8 @@ class Event:
 
     Seconds count from the clip's start. ``roles`` maps each role to its track; ``why`` each
     predicate, as ``phase: predicate(role, ...)``, to what it contributed: the score is the product
-    of these, a NaN (nothing could be judged: no keypoints, say) counting one half.
+    of these, a NaN (nothing could be judged: no keypoints, say) counting one half. ``calibration``
+    is that of the activity's scores, where there is one.
     """
 
     activity: str
@@ -35,6 +37,14 @@ class Event:
     end_s: float
     roles: Mapping[str, int]
     why: Mapping[str, float]
+    calibration: ScoreCalibration | None = None
+
+    @property
+    def probability(self) -> float | None:
+        """Probability that the event is right; None where its scores are not calibrated."""
+        if self.calibration is None:
+            return None
+        return float(self.calibration.at(np.array(self.score)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,23 +32,29 @@ def unite_tracks(stage: Stage) -> Stage:
     A united track has the smallest number of its parts, and at each moment the row of the part that
     has most rows. Annotations that draw an actor anew for every activity need this.
     """
-    if len(stage.tracks) == 0:
-        return stage
-    pairs = np.vstack([_coinciding(stage), _resumed(stage)])
-    n = len(stage.first_row)
-    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
-    group = connected_components(links, directed=False)[1]
-    if group.max() + 1 == n:
-        return stage
-    number = stage.tracks.track[stage.first_row]
-    least = np.full(group.max() + 1, np.iinfo(np.int64).max)
-    np.minimum.at(least, group, number)
+    united = united_numbers(stage)
     length = stage.last_row - stage.first_row + 1
     of = stage.track_of_row
-    track = least[group][of]
+    track = united[of]
+    if np.array_equal(track, stage.tracks.track):
+        return stage
     order = np.lexsort((of, -length[of], stage.tick, track))
     order = order[runs(track[order], stage.tick[order])]
     return replace(stage, tracks=replace(stage.tracks.select(order), track=track[order]))
+
+
+def united_numbers(stage: Stage) -> Int[np.ndarray, "t"]:
+    """The number that each track has in :func:`unite_tracks`, in the order of the rows."""
+    number = stage.tracks.track[stage.first_row]
+    n = len(number)
+    if n == 0:
+        return number
+    pairs = np.vstack([_coinciding(stage), _resumed(stage)])
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+    group = connected_components(links, directed=False)[1]
+    least = np.full(group.max() + 1, np.iinfo(np.int64).max)
+    np.minimum.at(least, group, number)
+    return np.asarray(least[group])
 
 
 def _coinciding(stage: Stage) -> Int[np.ndarray, "p 2"]:

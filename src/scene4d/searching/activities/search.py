@@ -1,7 +1,7 @@
 """Finding an activity in what a camera tracked."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from scene4d.searching.activities._events import Event, found_event, one_per_occ
 from scene4d.searching.activities._evidence import Evidence, gather, played_by_several, promising
 from scene4d.searching.activities._related import align_related
 from scene4d.searching.activities._terms import value_of
+from scene4d.searching.activities.calibrated import calibration_of
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.predicates._registry import PREDICATES, Predicate
 from scene4d.searching.predicates.stage import Stage
@@ -79,6 +80,8 @@ def judge(
         symmetric=is_symmetric(activity, predicates),
         crowd_m=_crowd_reach_m(activity, predicates),
     )
+    calibration = calibration_of(activity)
+    events = [replace(event, calibration=calibration) for event in events]
     return Judged(events, len(casts.first))
 
 

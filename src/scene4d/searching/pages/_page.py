@@ -54,6 +54,7 @@ def search_html(result: SearchResult, clips: list[Clip | NoFootage], command: st
             "verdict": result.verdict
             + (f" The {len(result.shown)} best are shown." if fewer else ""),
             "notes": result.asked.notes,
+            "about": result.about_scores,
             "cards": [_card(n, result, found, clip) for n, (found, clip) in enumerate(cards, 1)],
             "provenance": _provenance(result, command),
             "timings": [(name, seconds_text(s)) for name, s in result.timings.items()],
@@ -67,7 +68,7 @@ def _provenance(result: SearchResult, command: str | None) -> list[tuple[str, st
         ("Clips searched", f"{len(result.runs)} of {there}"),
         ("Cameras", ", ".join(sorted({run.camera for run in result.runs})) or "none"),
         ("Rows searched", f"{result.rows:,}"),
-        ("Least score", f"{result.least_score:g}"),
+        ("Least score", f"{result.asked.least_score:.2g}"),
         ("All events", _EVENTS),
         ("scene4d", version("scene4d")),
     ]

@@ -23,7 +23,8 @@ by its posture as well:
 - *afterwards*: how much likelier what followed is if a is still about (:mod:`._afterwards`);
 - *driving off*: b does so soon (:func:`drives_ratio`);
 - *posture*: who gets in bends, and the door hides the legs: of those who get in 65 % are seen less
-  tall at the end, of others 10 %. Who boards a bus need not stoop.
+  tall at the end, of others 10 %. Who boards a bus need not: posture counts as far as the vehicle
+  is not tall enough to stand in, which its height and the person's say.
 
 Constants are rules of thumb, chosen by hand before any footage was searched; those of *leaving*,
 *within* and *posture* and the share of ends within an outline that are entries were chosen on the
@@ -59,8 +60,11 @@ _ENTRIES = 0.5
 (ends of which border, clip, hidden and within leave 0.3 or more)."""
 _STOOPS_IN, _STOOPS_ELSE = 0.8, 0.05
 """P(seen less tall at the end): of those who get in, and of others."""
+_HEADROOM_M, _HEADROOM_SIGMA_M = 0.6, 0.15
+"""A vehicle that is so much taller than a person is entered upright: its floor is 0.35 m above the
+road (at most 0.34 m at a city bus's door, UNECE regulation 107), its roof 0.2 m thick."""
 _BOARDED = ("bus",)
-"""Classes that are entered upright."""
+"""Classes that are entered upright where heights are not known."""
 
 
 def disappears(a: StageRows, *, sigma_s: float = _END_SIGMA_S) -> Float[np.ndarray, "m"]:
@@ -152,8 +156,8 @@ def _end(a: StageRows, b: StageRows | None, last: bool, sigma_s: float) -> np.nd
     share = covered(ends.box_xyxy[track], _nearest_box(b.stage, other, ends.time_s[track]))
     within = ndtr((share - _WITHIN_SHARE) / _WITHIN_SIGMA)
     left_to_it = ends.still[track] * (1 - hidden)
-    upright = np.isin(b.stage.tracks.class_name[b.index], _BOARDED)
-    posture = np.where(upright, 1.0, _posture_ratio(a.stage, ends)[track])
+    upright = _upright_inside(a, b)
+    posture = upright + (1 - upright) * _posture_ratio(a.stage, ends)[track]
     pair, number = np.unique(track * len(ends.row) + other, return_inverse=True)
     moment = ends.time_s[pair // len(ends.row)]
     drives = drives_ratio(b.stage, pair % len(ends.row), np.nan_to_num(moment), last)[number]
@@ -183,6 +187,17 @@ def _of_people(stage: Stage, last: bool) -> Ends:
     covers = np.hstack([_kept(stage, end).whom[track] for end in (True, False)])
     rides = np.max([riding(stage, track, vehicle) for vehicle in covers.T], axis=0)
     return Ends(ends.row[track], track, np.nan_to_num(ends.free[track]) * alone, 1 - rides)
+
+
+def _upright_inside(a: StageRows, b: StageRows) -> Float[np.ndarray, "m"]:
+    """P(a can stand in b), by their heights; where these are not known by b's class."""
+    (tall, tall_sigma), (own, own_sigma) = (
+        (rows.size_m[:, 2], rows.size_sigma_m[:, 2]) for rows in (b, a)
+    )
+    sigma = np.sqrt(_HEADROOM_SIGMA_M**2 + tall_sigma**2 + own_sigma**2)
+    stands = ndtr((tall - own - _HEADROOM_M) / sigma)
+    boarded = np.isin(b.stage.tracks.class_name[b.index], _BOARDED)
+    return np.where(np.isfinite(stands), stands, boarded.astype(float))
 
 
 def _posture_ratio(stage: Stage, ends: _Ends) -> Float[np.ndarray, "t"]:

@@ -1,0 +1,100 @@
+"""Scores as probabilities: the file that is shipped, and how it is counted."""
+
+import json
+from dataclasses import replace
+from importlib import resources
+
+import numpy as np
+import pytest
+from benchmarks import score_calibration as benchmark
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scene4d.evaluation._options import TUNED
+from scene4d.evaluation.measures._probability import reliability
+from scene4d.searching.activities import calibrated
+from scene4d.searching.activities.calibrated import calibration_of, fingerprint
+from scene4d.searching.activities.catalogue import load_catalogue
+from scene4d.searching.activities.definition import Relation, Role
+from scene4d.searching.language import parse_query
+
+CATALOGUE = load_catalogue()
+FILE = resources.files(calibrated.__package__).joinpath(calibrated.FILE)
+SHIPPED = json.loads(FILE.read_text("utf-8"))["activities"]
+
+
+@pytest.mark.parametrize("name", sorted(SHIPPED))
+def test_the_shipped_probabilities_belong_to_the_catalogue(name):
+    """If not, the activity has changed: python -m benchmarks.score_calibration --write."""
+    one = SHIPPED[name]
+    assert one["fingerprint"] == fingerprint(CATALOGUE[name])
+    assert tuple(one["cameras"]) == TUNED
+    assert one["labels"] >= benchmark.LEAST_LABELS
+    assert one["events"] > one["labels"]
+    assert 0 < one["expected_error"] < 0.2
+    assert one["brier_score"] < one["brier_score_of_share"]
+    score, probability = np.array(one["score"]), np.array(one["probability"])
+    assert (np.diff(score) > 0).all()
+    assert (np.diff(probability) >= 0).all()
+    assert benchmark.LIMIT <= probability[0] < probability[-1] <= 1 - benchmark.LIMIT
+
+
+def test_words_that_are_an_activity_have_its_probabilities_and_others_none():
+    for words in ("person enters vehicle", "someone gets into a car", "the truck turns left"):
+        assert calibration_of(parse_query(words, CATALOGUE).activity) is not None, words
+    for words in ("person near vehicle", "person enters vehicle and then vehicle starts"):
+        assert calibration_of(parse_query(words, CATALOGUE).activity) is None, words
+
+
+def test_what_changes_scores_changes_the_fingerprint():
+    one = CATALOGUE["person_enters_vehicle"]
+    first, last = one.phases
+    person, vehicle = one.roles
+    same = replace(one, name="x", roles=(person, Role("vehicle", ("truck",))), labels=())
+    assert fingerprint(same) == fingerprint(one)
+    changed = [
+        replace(one, phases=(replace(first, min_s=1.0), last)),
+        replace(one, phases=(first, replace(last, gap_s=9.0))),
+        replace(one, phases=(replace(first, terms=first.terms[1:]), last)),
+        replace(one, phases=(last, first)),
+        replace(one, relations=(Relation("stays", "before", "vanishes"),)),
+        replace(one, roles=(replace(person, count=3), vehicle)),
+    ]
+    assert len({fingerprint(other) for other in [one, *changed]}) == len(changed) + 1
+
+
+@given(st.floats(0.0, 1.0), st.sampled_from(sorted(SHIPPED)))
+def test_the_least_score_of_a_probability(probability, name):
+    known = calibration_of(CATALOGUE[name])
+    least = known.least_score(probability)
+    if np.isinf(least):
+        assert known.probability[-1] < probability
+        return
+    assert known.at(np.array(least)) >= probability - 1e-9
+    assert least <= known.score[0] or known.at(np.array(least - 1e-3)) <= probability + 1e-9
+
+
+def drawn(rng: np.random.Generator, count: int, curve) -> tuple[np.ndarray, np.ndarray]:
+    score = rng.beta(0.4, 0.8, count)
+    return score, rng.random(count) < curve(score)
+
+
+@pytest.mark.parametrize("curve", [lambda s: s**2, lambda s: 0.1 + 0.3 * s, lambda s: s**0.3])
+def test_known_probabilities_are_found_again(curve):
+    rng = np.random.default_rng(0)
+    found = benchmark.calibrate([drawn(rng, 400, curve) for _ in range(2)])
+    assert found["brier_score"] < found["brier_score_of_share"]
+    at = np.linspace(0.05, 0.95, 19)
+    off = np.interp(at, found["score"], found["probability"]) - curve(at)
+    assert np.abs(off).max() < 0.15
+    assert np.abs(off).mean() < 0.05
+    fresh, right = drawn(rng, 4000, curve)
+    stated = np.interp(fresh, found["score"], found["probability"])
+    assert reliability(stated, right).expected_error < 0.06
+
+
+def test_where_scores_mislead_from_camera_to_camera_the_share_of_right_events_says_more():
+    rng = np.random.default_rng(1)
+    parts = [drawn(rng, 300, lambda s: 0.6 * s), drawn(rng, 300, lambda s: 0.6 - 0.6 * s)]
+    misled = benchmark.calibrate(parts)
+    assert misled["brier_score"] > misled["brier_score_of_share"]
