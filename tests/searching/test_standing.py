@@ -22,6 +22,7 @@ def walk(times: np.ndarray, track: np.ndarray) -> Tracks:
     } | {"track": track, "time_s": times}
     shapes = dict.fromkeys(("covariance_m2", "shared_covariance_m2"), (n, 2, 2))
     shapes |= {"velocity_covariance": (n, 2, 2), "velocity_mps": (n, 2)}
+    shapes |= dict.fromkeys(("size_m", "size_sigma_m"), (n, 3))
     values = {f.name: np.zeros(shapes.get(f.name, n)) for f in fields(Tracks)}
     return Tracks(**values | filled)
 
