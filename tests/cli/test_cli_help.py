@@ -15,6 +15,7 @@ from scene4d.calibration import METHODS
 from scene4d.cli.app import app
 from scene4d.cli.calibrate import Method
 from scene4d.formats.cameras import camera_formats
+from scene4d.formats.scenes import scene_formats
 
 HEAVY = ("numpy", "cv2", "av", "onnxruntime", "matplotlib", "scipy", "supervision", "arro3")
 PROMISED = {
@@ -103,8 +104,10 @@ def test_paragraphs_wrap_at_the_width_of_the_terminal(spawn):
 
 def test_export_names_every_format_that_is_written(run):
     text = " ".join(re.sub("[│╭╮╰╯─]", " ", run("export", "--help").stdout).split())
+    camera, scene = text.split("For a camera:")[1].split("For a scene:")
     for known in camera_formats():
-        assert (re.search(rf"\b{known.name}\b", text) is not None) == (known.write is not None)
+        assert (re.search(rf"\b{known.name}\b", camera) is not None) == (known.write is not None)
+    assert all(known.name in scene.split(".")[0] for known in scene_formats())
 
 
 def test_the_methods_are_those_of_the_solver():
