@@ -1,3 +1,5 @@
+import gc
+import weakref
 from types import SimpleNamespace
 
 import numpy as np
@@ -67,6 +69,16 @@ def test_onnx_runtime_runs_all_where_nothing_is_faster(doubling, installed, made
     session = _session.open_coarse(doubling)
     assert engine_name() == "onnxruntime"
     assert session.run(None, {"x": np.float32([1, 2])})[0].tolist() == [2, 4]
+
+
+def test_who_opens_a_network_again_shares_it_until_nobody_has_it(doubling, tmp_path):
+    (tmp_path / "doubling.onnx").write_bytes(doubling)
+    first = _session.open_session(doubling)
+    assert _session.open_session(tmp_path / "doubling.onnx") is first
+    before = weakref.ref(first)
+    del first
+    gc.collect()
+    assert before() is None
 
 
 def test_openvino_runs_what_bears_16_bits_where_the_processor_has_them(doubling, installed):

@@ -5,13 +5,14 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from scene4d.cli.arguments import (
-    CAMERA,
     SCENE,
     catalogue_option,
     detector_option,
@@ -23,6 +24,8 @@ from scene4d.cli.command import Answer, Job, command, output_folder
 from scene4d.cli.output import emit, visible
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from scene4d.tracking import WatchRun
 
 _WATCHING = "Input"
@@ -33,17 +36,24 @@ _ASKED = "Events"
 @command("watch")
 def watch(
     job: Job,
-    source: Annotated[
-        str,
+    sources: Annotated[
+        list[str],
         typer.Argument(
-            metavar="SOURCE",
+            metavar="SOURCE...",
             help="Stream URL, capture device such as /dev/video0, or a video, which is played at "
-            "real time.",
+            "real time. Several are watched at once.",
             show_default=False,
         ),
     ],
     *,
-    camera: Annotated[Path, CAMERA],
+    camera: Annotated[
+        list[Path],
+        typer.Option(
+            metavar="FILE",
+            help="The camera's calibration: camera.json, or another format. One for each SOURCE.",
+            show_default=False,
+        ),
+    ],
     out: Annotated[Path, SCENE],
     rate: Annotated[
         float,
@@ -107,11 +117,12 @@ def watch(
     zones: Annotated[Path | None, zones_option(_ASKED)] = None,
     detector: Annotated[str | None, detector_option(_WATCHING)] = None,
     name: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(
             "--name",
             metavar="NAME",
-            help="Name of the camera in the scene. Default: the name of the source.",
+            help="Name of the camera in the scene, one for each SOURCE. Default: the name of the "
+            "source.",
             rich_help_panel=_MEANING,
             show_default=False,
         ),
@@ -131,14 +142,16 @@ def watch(
 
       scene4d watch rtsp://gate/live --camera gate/camera.json --out scene
       scene4d watch gate.mp4 --camera gate/camera.json --out scene --rate 5
+      scene4d watch rtsp://gate/live rtsp://yard/live --rate 2 --out scene \\
+          --camera gate/camera.json --camera yard/camera.json
       scene4d watch /dev/video0 --camera gate/camera.json --out scene \\
           --search "person enters vehicle" --alert mqtt://broker/gate
     """
     height_m = None if person_height is None else parse_person_height(person_height)
-    from scene4d.tracking import TrackOptions, WatchOptions
+    from scene4d.tracking import TrackOptions, WatchOptions, watch_several
     from scene4d.tracking import watch as watch_camera
 
-    tracking = TrackOptions(name=name, rate_hz=rate, person_height_m=height_m, detector=detector)
+    tracking = TrackOptions(rate_hz=rate, person_height_m=height_m, detector=detector)
     if alert and not search:
         raise typer.BadParameter("is for the events of --search", param_hint="--alert")
     options = WatchOptions(
@@ -150,12 +163,24 @@ def watch(
         zones=zones,
         alerts=alert or (),
     )
-    tell = _tell_json if job.as_json else _tell
+    tell = _tell_json if job.as_json else partial(_tell, several=len(sources) > 1)
     with output_folder(out), job.progress() as progress, _stopping() as stop:
-        run = watch_camera(
-            source, camera, out, options, tracking, stop=stop, tell=tell, progress=progress
-        )
-    return Answer(run.to_dict(), lambda: _show(run), run.warnings)
+        if len(sources) > 1:
+            runs = watch_several(
+                sources, camera, out, options, tracking, names=name or (), stop=stop, tell=tell
+            )
+            fields = {"out": str(out), "cameras": [run.to_dict() for run in runs]}
+        else:
+            if len(camera) > 1 or len(name or ()) > 1:
+                raise typer.BadParameter("is more than the one of SOURCE", param_hint="--camera")
+            tracking = replace(tracking, name=name[0] if name else None)
+            run = watch_camera(
+                sources[0], camera[0], out, options, tracking,
+                stop=stop, tell=tell, progress=progress,
+            )  # fmt: skip
+            runs, fields = [run], run.to_dict()
+    warnings = [text for run in runs for text in run.warnings]
+    return Answer(fields, lambda: _show(runs), warnings)
 
 
 @contextmanager
@@ -184,26 +209,43 @@ def _tell_json(event: dict[str, Any]) -> None:
     emit(json.dumps(event, allow_nan=False) + "\n")
 
 
-def _tell(event: dict[str, Any]) -> None:
-    """When it ended, its score, what it is, who took part."""
+def _tell(event: dict[str, Any], *, several: bool) -> None:
+    """When it ended, its score, what it is, who took part, and of several cameras which."""
     who = ", ".join(f"{role} {track}" for role, track in event["roles"].items())
     state = event["state"]
+    where = f"{event['camera']}  " if several else ""
     late = f"{event['latency_s']:.1f} s ago" if state == "provisional" else state
     emit(
-        visible(f"{event['end_time']}  {event['score']:.2f}  {event['search']}  {who}  ({late})")
+        visible(
+            f"{event['end_time']}  {where}{event['score']:.2f}  {event['search']}  {who}  ({late})"
+        )
         + "\n"
     )
 
 
-def _show(run: "WatchRun") -> None:
-    from rich.table import Table
-
+def _show(runs: "list[WatchRun]") -> None:
     from scene4d.cli.output import screen
+
+    with screen() as console:
+        for run in runs:
+            console.print(_summary(run, several=len(runs) > 1))
+        for warning in [text for run in runs for text in run.warnings]:
+            console.print(f"Warning  {warning}", style="yellow")
+        console.print(f"\nScene    {runs[0].scene}", soft_wrap=True)
+        for run in runs:
+            if run.picture is not None:
+                console.print(f"Picture  {run.picture}", soft_wrap=True)
+
+
+def _summary(run: "WatchRun", *, several: bool) -> "Table":
+    from rich.table import Table
 
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(style="bold", no_wrap=True)
     table.add_column()
     found = ", ".join(f"{count} x {name}" for name, count in run.tracks.items()) or "nobody"
+    if several:
+        table.add_row("Camera", run.camera)
     table.add_row("Tracks", found)
     table.add_row("Rows", f"{run.rows:,}")
     table.add_row("Frames", f"{run.offered:,}, of which {run.dropped:,} dropped")
@@ -215,10 +257,4 @@ def _show(run: "WatchRun") -> None:
         table.add_row("View moved", f"for {run.not_in_view_s:.0f} s")
     if len(run.cameras) > 1:
         table.add_row("Calibrated again", ", ".join(run.cameras[1:]))
-    with screen() as console:
-        console.print(table)
-        for warning in run.warnings:
-            console.print(f"Warning  {warning}", style="yellow")
-        console.print(f"\nScene    {run.scene}", soft_wrap=True)
-        if run.picture is not None:
-            console.print(f"Picture  {run.picture}", soft_wrap=True)
+    return table

@@ -3,5 +3,14 @@
 from scene4d.tracking._options import TrackOptions, TrackRun
 from scene4d.tracking._running import track
 from scene4d.tracking.live import WatchOptions, WatchRun, watch
+from scene4d.tracking.several import watch_several
 
-__all__ = ["TrackOptions", "TrackRun", "WatchOptions", "WatchRun", "track", "watch"]
+__all__ = [
+    "TrackOptions",
+    "TrackRun",
+    "WatchOptions",
+    "WatchRun",
+    "track",
+    "watch",
+    "watch_several",
+]

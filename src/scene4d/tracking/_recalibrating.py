@@ -50,7 +50,8 @@ def calibrated_again(live: LiveSource, job: Job, first: Known, stop: threading.E
     """The job with the camera of the view that is seen now; None when the stream or ``stop`` ends
     it. Where the camera is refused the reason is told, and more people are watched.
     """
-    counts, frames = (live.offered, live.dropped), _FRAMES
+    frames = _FRAMES
+    live.is_counting = False  # nobody is tracked meanwhile
     try:
         while True:
             earlier = [first, *_made(job.run.scene, first.name)]
@@ -66,7 +67,7 @@ def calibrated_again(live: LiveSource, job: Job, first: Known, stop: threading.E
     except (_EndedError, KeyboardInterrupt):
         return None
     finally:
-        live.offered, live.dropped = counts  # nobody is tracked meanwhile: nothing is missed
+        live.is_counting = True
 
 
 class _BackError(Exception):
@@ -89,18 +90,19 @@ class _Spell(Source):
     def __init__(self, live: LiveSource, earlier: list[Known], stop: threading.Event) -> None:
         self.name, self.image_size, self.fps = live.name, live.image_size, 1 / _EVERY_S
         self._live, self._stop = live, stop
-        seen = [(known, _view_of(known, live.image_size)) for known in earlier]
-        self._earlier = [(known, image) for known, image in seen if image is not None]
+        monitors = [(known, _monitor_of(known, live.image_size)) for known in earlier]
+        self._earlier = [(known, found) for known, found in monitors if found is not None]
 
     def frames(self, indices: Iterable[int] | None = None) -> Iterator[Frame]:
         """As many as there are ``indices``. Raises :class:`_BackError` and :class:`_EndedError`."""
-        next_s, shown = -np.inf, [0] * len(self._earlier)
+        next_s = -np.inf
         for _ in indices or ():
             frame = self._next(next_s)
             next_s = frame.time_s + _EVERY_S
-            for number, (known, image) in enumerate(self._earlier):
-                shown[number] = shown[number] + 1 if _is_of(frame, image) else 0
-                if shown[number] == _SAME:
+            for known, monitor in self._earlier:
+                monitor.add(frame.image_bgr, frame.time_s)
+                found = monitor.verdict()
+                if found.frames_checked == _SAME and not found.frames_moved:
                     raise _BackError(known)
             yield frame
 
@@ -113,14 +115,14 @@ class _Spell(Source):
         raise _EndedError
 
 
-def _view_of(known: Known, image_size: tuple[int, int]) -> np.ndarray | None:
-    return calibrated_view(calibrated(known.camera)[2], image_size)
-
-
-def _is_of(frame: Frame, image_bgr: np.ndarray) -> bool:
-    monitor = MotionMonitor((image_bgr.shape[1], image_bgr.shape[0]))
-    monitor.add(image_bgr, 0.0)
-    return monitor.add(frame.image_bgr, frame.time_s) and monitor.verdict().frames_checked > 0
+def _monitor_of(known: Known, image_size: tuple[int, int]) -> MotionMonitor | None:
+    """Compares the last frames with a camera's view; None where that was not kept."""
+    image = calibrated_view(calibrated(known.camera)[2], image_size)
+    if image is None:
+        return None
+    monitor = MotionMonitor(image_size, keep=_SAME)
+    monitor.add(image, 0.0)
+    return monitor
 
 
 def _attempt(spell: _Spell, job: Job, to: Known, frames: int) -> Known | None:

@@ -135,7 +135,9 @@ def watch(
     with live, Alerts(options.alerts, run.scene, name) as alerts:
         watching = _Watching(live, options, stop, alerts, tell)
         while watching.until_it_moves(job):
+            left_s = live.taken_s
             again = calibrated_again(live, job, Known(name, camera), stop)
+            run.not_in_view_s += live.taken_s - left_s
             if again is None:
                 break
             job = again

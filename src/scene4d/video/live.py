@@ -51,6 +51,7 @@ class LiveSource(Source):
         self.fps, self.timeline = self._source.fps, None
         self.taken_s = 0.0  # time of the frame that was taken last
         self.offered = self.dropped = self.reconnected = 0
+        self.is_counting = True  # whether frames that nobody takes are missed
         self._notes: list[str] = []
         self._news = threading.Condition()
         self._newest: Frame | None = None
@@ -154,8 +155,8 @@ class LiveSource(Source):
 
     def _offer(self, frame: Frame) -> None:
         with self._news:
-            self.offered += 1
-            self.dropped += self._newest is not None
+            self.offered += self.is_counting
+            self.dropped += self.is_counting and self._newest is not None
             self._newest = frame
             self._last, self._last_at_s = (frame.index, frame.time_s), time.monotonic()
             self._news.notify_all()
@@ -166,12 +167,12 @@ class LiveSource(Source):
         dropped, offered = self.dropped - self._told[0], self.offered - self._told[1]
         self._told, self._told_s = (self.dropped, self.offered), self._last_at_s
         if dropped > _TOLD_SHARE * offered:
-            _LOG.warning("%s in the last minute", self._dropped_text(dropped, offered))
+            _LOG.warning("%s", self._dropped_text(dropped, offered, " in the last minute"))
 
-    def _dropped_text(self, dropped: int, offered: int) -> str:
+    def _dropped_text(self, dropped: int, offered: int, when: str = "") -> str:
         return (
-            f"{self.name}: {dropped} of {offered} frames were dropped because the analysis was "
-            "behind; a lower rate keeps up"
+            f"{self.name}: {dropped} of {offered} frames{when} were dropped because the analysis "
+            "was behind; a lower rate keeps up"
         )
 
     def _again(self, lost: StreamSource) -> Source | None:
