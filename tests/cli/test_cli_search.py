@@ -35,6 +35,22 @@ def test_it_says_what_it_understood_and_then_what_it_found(run, gate):
     assert re.search(r"disappears_into\([^)]*\)\s+[01]\.\d\d", found)
 
 
+def test_explain_draws_every_predicate_over_time(run, gate, tmp_path):
+    result = run("search", gate, "person enters vehicle", "--explain", "--out", tmp_path / "page")
+    assert result.exit_code == 0, result.stderr
+    curves = [
+        line for line in result.stdout.splitlines() if re.match(r"\s*[▁▂▃▄▅▆▇█ ]{40}  \w", line)
+    ]
+    names = [line.split("  ")[-1] for line in curves]
+    assert any(name.startswith("vanishes: disappears_into(") for name in names)
+    assert "├" in result.stdout and "event; the line is -" in result.stdout
+    page = (tmp_path / "page" / "search.html").read_text()
+    assert page.count('<svg class="course"') == len(curves)
+    assert 'points="0.0,' in page
+    plain = run("search", gate, "person enters vehicle")
+    assert "█" not in plain.stdout
+
+
 def test_json_is_one_object_with_every_event(run, gate):
     result = run("search", gate, "person moves", "--top", "1", "--json", "--min-score", "0.2")
     assert result.exit_code == 0, result.stderr

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 _ASKED = "Query"
 _RESULT = "Output"
+_SIGNS = 40
+"""Signs of a predicate over time."""
 
 
 @command("search")
@@ -64,6 +66,10 @@ def search(
             show_default=False,
         ),
     ] = None,
+    explain: Annotated[
+        bool,
+        typer.Option("--explain", help="Show every predicate of an event over time."),
+    ] = False,
     catalogue: Annotated[list[Path] | None, catalogue_option(_ASKED)] = None,
     zones: Annotated[Path | None, zones_option(_ASKED)] = None,
     footage: Annotated[
@@ -106,6 +112,7 @@ def search(
       scene4d search scene "two people meet" --out meetings --top 20
       scene4d search north south "person crosses line gate" --zones places.json
       scene4d search scene "vehicle stops" --min-probability 0.5 --json
+      scene4d search scene "person enters vehicle" --top 1 --explain
       scene4d search scene "all activities" --actev found.json
     """
     absent = [path for path in scenes if not path.is_dir()]
@@ -136,7 +143,7 @@ def search(
     found = [one.to_dict() for one in done]
     notes = tuple(dict.fromkeys(note for one in asked for note in one.notes))
     said = found[0] if len(found) == 1 else {"searches": found}
-    return Answer(said, lambda: _show(done, out=out, actev=actev), notes)
+    return Answer(said, lambda: _show(done, explain=explain, out=out, actev=actev), notes)
 
 
 def _show_understood(asked: "Asked") -> None:
@@ -153,19 +160,21 @@ def _show_understood(asked: "Asked") -> None:
         console.print()
 
 
-def _show(done: "list[SearchResult]", *, out: Path | None, actev: Path | None) -> None:
+def _show(
+    done: "list[SearchResult]", *, explain: bool, out: Path | None, actev: Path | None
+) -> None:
     from scene4d.cli.output import screen
 
     with screen() as console:
         for one in done:
-            _show_result(console, one, named=len(done) > 1)
+            _show_result(console, one, named=len(done) > 1, explain=explain)
         if out is not None:
             console.print(f"Page        {out / 'search.html'}", soft_wrap=True)
         if actev is not None:
             console.print(f"ActEV       {actev}", soft_wrap=True)
 
 
-def _show_result(console: "Console", done: "SearchResult", *, named: bool) -> None:
+def _show_result(console: "Console", done: "SearchResult", *, named: bool, explain: bool) -> None:
     shown = done.shown
     less = len(done.events) - len(shown)
     rest = f" The {len(shown)} best of them:" if less else ""
@@ -174,6 +183,8 @@ def _show_result(console: "Console", done: "SearchResult", *, named: bool) -> No
     for number, found in enumerate(shown, 1):
         console.print()
         _show_event(console, number, found)
+        if explain:
+            _show_course(console, found)
     for note in done.about_scores:
         console.print(f"\n{note[0].upper()}{note[1:]}.", style="dim", soft_wrap=True)
     taken = ", ".join(f"{name} {s:.1f} s" for name, s in done.timings.items())
@@ -199,3 +210,22 @@ def _show_event(console: "Console", number: int, found: "FoundEvent") -> None:
         said = ", ".join(f"{term} {value}" for term, value, _ in terms)
         line = f"{phase}: {said}" if phase else said
         console.print(Padding(Text(line, style="dim"), (0, 0, 0, 5)))
+
+
+def _show_course(console: "Console", found: "FoundEvent") -> None:
+    """Every predicate of an event as a line of signs, from 0 to 1, with the span of the event."""
+    course, event = found.course, found.event
+    if course is None:
+        return
+    first, last = float(course.time_s[0]), float(course.time_s[-1])
+    places = [
+        round((s - first) / max(last - first, 1e-9) * (_SIGNS - 1))
+        for s in (event.begin_s, event.end_s)
+    ]
+    begin, end = (min(max(place, 0), _SIGNS - 1) for place in places)
+    ruler = " " * begin + "├" + "─" * max(end - begin - 1, 0) + ("┤" if end > begin else "")
+    about = f"{first - event.begin_s:+.1f} s to {last - event.begin_s:+.1f} s"
+    console.print(f"     {ruler:{_SIGNS}}  event; the line is {about}", style="dim", soft_wrap=True)
+    for name in course.values:
+        console.print(f"     {course.signs(name, _SIGNS)}  ", style="cyan", end="")
+        console.print(name, style="dim", soft_wrap=True, highlight=False)

@@ -15,6 +15,7 @@ from scene4d.searching._asking import Asked, SearchOptions, reaches, second_of_d
 from scene4d.searching._places import Places
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._terms import places_of
+from scene4d.searching.activities.course import course_of
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.activities.search import judge
 from scene4d.searching.language import Window
@@ -168,11 +169,14 @@ def _search_run(result: SearchResult, stage: Stage, run: Run) -> None:
         result.candidates += judged.casts
     for number, event in enumerate(events):
         begin, end = stage.frame_at(event.begin_s), stage.frame_at(event.end_s)
-        around = _around(stage.tracks, event) if number < asked.options.top else None
-        result.events.append(FoundEvent(event, run, begin, end, around))
+        around = course = None
+        if number < asked.options.top:
+            around = _around(stage.tracks, event)
+            course = course_of(stage, asked.query.activity, event)
+        result.events.append(FoundEvent(event, run, begin, end, around, course))
     result.events.sort(key=_rank)
     top = asked.options.top
-    result.events[top:] = [replace(one, around=None) for one in result.events[top:]]
+    result.events[top:] = [replace(one, around=None, course=None) for one in result.events[top:]]
 
 
 def _in_window(window: Window | None, run: Run, events: Iterable[Event]) -> list[Event]:

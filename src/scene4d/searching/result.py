@@ -17,6 +17,7 @@ from scene4d.core.tables import data_frame
 from scene4d.core.tracks import Tracks
 from scene4d.searching._asking import Asked, reaches
 from scene4d.searching.activities._events import Event
+from scene4d.searching.activities.course import Course
 from scene4d.store.runs import Run
 
 if TYPE_CHECKING:
@@ -37,8 +38,8 @@ _REFUSED_BY_SCORER = re.compile(r"[^A-Za-z0-9_\-.]")
 class FoundEvent:
     """An event, the run that it is in, and its first and last frame.
 
-    ``around`` are the rows of all tracks at about that time, at the search rate; None for events
-    that are not shown.
+    ``around`` are the rows of all tracks at about that time, at the search rate, and ``course``
+    holds its predicates over time; None for events that are not shown.
     """
 
     event: Event
@@ -46,6 +47,7 @@ class FoundEvent:
     begin_frame: int
     end_frame: int
     around: Tracks | None = None
+    course: Course | None = None
 
     @property
     def clip(self) -> str:

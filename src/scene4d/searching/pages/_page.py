@@ -10,6 +10,7 @@ from scene4d.core.progress import Progress, timed
 from scene4d.core.staging import staged
 from scene4d.searching.language import explain
 from scene4d.searching.pages._clip import Clip, jpeg, mp4, stills
+from scene4d.searching.pages._course import course_svg
 from scene4d.searching.pages._footage import NoFootage, clips_of
 from scene4d.searching.pages._plan import plan_svg, role_colours
 from scene4d.searching.result import SEARCH_SCHEMA, FoundEvent, SearchResult, why_groups
@@ -86,9 +87,23 @@ def _card(
         "mean": found.event.mean_score,
         "players": [(role, track, colours[role]) for role, track in found.event.roles.items()],
         "plan": plan_svg(found, result.asked.places),
-        "why": why_groups(found.event.why),
+        "why": _why(found),
         **_pictures(clip),
     }
+
+
+def _why(found: FoundEvent) -> list[tuple[str, list[tuple[str, str, float, str]]]]:
+    """What the score is the product of, by phase, with its course over time."""
+    return [
+        (
+            phase,
+            [
+                (name, text, value, course_svg(found, f"{phase}: {name}"))
+                for name, text, value in terms
+            ],
+        )
+        for phase, terms in why_groups(found.event.why)
+    ]
 
 
 def _pictures(clip: Clip | NoFootage) -> dict[str, object]:
