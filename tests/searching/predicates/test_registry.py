@@ -18,7 +18,7 @@ NAMES = {
     "turning_left", "turning_right", "speed_above", "speed_below", "reversing", "appears",
     "disappears", "inside", "crosses", "facing", "arm_moving_down", "arm_moving_up", "same_place",
     "u_turning", "appears_from", "disappears_into", "stooping", "crowded",
-    "together", "between", "alone", "staying", "slower_than_before", "slower_than_after",
+    "together", "between", "alone", "staying",
     "longer_than", "taller_than",
 }  # fmt: skip
 UNITS = {"m", "s", "m/s", "rad", "", "zone", "line", "side"}

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from predicate_stages import STEP_S, Path, drawn, one, rows_of, stage_of
+from predicate_stages import drawn, one, rows_of, stage_of
 
 from scene4d.searching.predicates._motion import (
     moving,
-    slower_than_after,
-    slower_than_before,
     speed_above,
     speed_below,
     stationary,
@@ -68,56 +66,3 @@ def test_who_does_not_move_stands():
 def test_unknown_stays_unknown(function):
     assert np.isnan(value(function, one(velocity=(np.nan, np.nan))))
     assert np.isnan(value(function, one(velocity=(1.0, 0.0), sigma_mps=np.nan)))
-
-
-def driven(speeds_mps, sigma_mps: float = 0.01) -> Path:
-    """Straight on at these speeds, one a row."""
-    velocity = np.column_stack([speeds_mps, np.zeros(len(speeds_mps))])
-    way = np.cumsum(velocity, axis=0) * STEP_S
-    return Path(np.arange(len(way)) * STEP_S, way, velocity, sigma_mps=sigma_mps)
-
-
-def slower(path: Path, function=slower_than_before, **more) -> np.ndarray:
-    return function(rows_of(stage_of(path), 1), **more)
-
-
-def test_who_brakes_is_slower_than_before_by_a_quarter_half_the_time():
-    brakes = driven(np.linspace(12.0, 0.0, 17))
-    p = slower(brakes)
-    assert p[0] < 0.03  # as fast as ever: (1 - 0.75) / (0.15 * 0.75) = 2.2 deviations
-    assert p[4] == pytest.approx(0.5, abs=0.02)  # 9 m/s of 12
-    assert p[-1] > 0.99
-    assert (np.diff(p) >= -1e-9).all()
-    # Five seconds on, the speed before is forgotten.
-    steady = driven([12.0] * 5 + [6.0] * 30)
-    assert slower(steady)[10] > 0.95
-    assert slower(steady)[-1] < 0.03
-
-
-@pytest.mark.parametrize("scale", [0.3, 1.0, 4.0])
-def test_the_scale_cancels_and_time_can_be_reversed(scale):
-    speeds = scale * np.array([2.0, 5.0, 4.0, 3.0, 3.5, 1.0, 2.0, 6.0])
-    sigma = 0.1 * scale
-    p = slower(driven(speeds, sigma))
-    np.testing.assert_allclose(p, slower(driven(speeds / scale, sigma / scale)), atol=1e-6)
-    turned = slower(driven(speeds[::-1], sigma), slower_than_after)
-    np.testing.assert_allclose(p, turned[::-1], atol=1e-9)
-
-
-def test_what_stands_all_the_time_has_not_slowed_down_for_sure():
-    rng = np.random.default_rng(0)
-    p = slower(driven(np.abs(rng.normal(0, 0.3, 200)), 0.3))
-    assert (p < 0.9).all()
-
-
-def test_other_tracks_and_missing_velocities_do_not_count():
-    fast, slow = driven(np.full(10, 20.0)), driven(np.full(10, 5.0))
-    both = stage_of(fast, slow)
-    np.testing.assert_allclose(slower_than_before(rows_of(both, 2)), slower(slow))
-    rows = both.rows(np.array([15, 3, 12]))
-    np.testing.assert_allclose(slower_than_before(rows)[[0, 2]], slower(slow)[[5, 2]])
-    holed = np.linspace(12.0, 0.0, 17)
-    holed[3] = np.nan
-    p = slower(driven(holed))
-    assert np.isnan(p[3])
-    assert np.isfinite(np.delete(p, 3)).all()

@@ -1,7 +1,7 @@
 """How fast something moves, from its smoothed velocity and the covariance of that."""
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from scene4d.searching.predicates._distance import Separation, near_probability
 from scene4d.searching.predicates._gaussian import above, form
@@ -11,11 +11,6 @@ MOVING_MPS = 0.5
 """What moves slower than this stands: people sway, boxes jitter. Chosen by hand."""
 SPEED_SIGMA_MPS = 0.2
 """Softness of words of speed; chosen by hand."""
-_SLOWED_SHARE, _SLOWED_SOFTNESS = 0.75, 0.15
-"""Who has lost a quarter of his speed is slower; how vague the word is, as a share of that limit.
-Chosen on the tuning cameras (MEVA G341 and G424): 0.7 and 0.85 find stops and starts as well."""
-_SLOWED_WINDOW_S = 4.0
-"""Braking from 50 km/h at 3.5 m/s² takes so long; 3 and 6 s find stops as well."""
 _STAYING_M = 5.0
 _STAYING_SIGMA_M = 1.0
 _STAYING_S = 60.0
@@ -58,45 +53,6 @@ def speed_below(
 ) -> Float[np.ndarray, "m"]:
     """P(a is slower than ``speed_mps``), m/s: the rest to :func:`speed_above`."""
     return 1 - speed_above(a, speed_mps=speed_mps, sigma_mps=sigma_mps)
-
-
-def slower_than_before(
-    a: StageRows, *, share: float = _SLOWED_SHARE, window_s: float = _SLOWED_WINDOW_S
-) -> Float[np.ndarray, "m"]:
-    """P(a is slower than ``share`` of the fastest that it was within ``window_s`` before).
-
-    ``Φ((q f - μ) / √((0.15 q f)² + (1 + q²) ν))`` with the share q, the largest mean speed f and
-    mean μ and variance ν of the speed now. Errors of scale, as by a camera's height, cancel. NaN
-    without a velocity.
-    """
-    return _slower(a, share, *a.stage.window(a.index, window_s)[:1], a.index)
-
-
-def slower_than_after(
-    a: StageRows, *, share: float = _SLOWED_SHARE, window_s: float = _SLOWED_WINDOW_S
-) -> Float[np.ndarray, "m"]:
-    """P(a is slower than ``share`` of the fastest that it will be within ``window_s``):
-    :func:`slower_than_before` with time reversed.
-    """
-    return _slower(a, share, a.index, *a.stage.window(a.index, window_s)[1:])
-
-
-def _slower(
-    a: StageRows, share: float, first: Int[np.ndarray, "m"], last: Int[np.ndarray, "m"]
-) -> Float[np.ndarray, "m"]:
-    """P(slower than a share of the fastest of the rows from ``first`` to ``last``)."""
-    n = len(a.stage.tracks)
-    opened = np.bincount(first, minlength=n + 1) - np.bincount(last + 1, minlength=n + 1)
-    asked = np.cumsum(opened) > 0
-    every = a.stage.rows(np.flatnonzero(asked))
-    mean, variance = speed(every.velocity_mps, every.velocity_covariance)
-    place = np.cumsum(asked) - 1
-    windows = np.column_stack([place[first], place[last] + 1]).ravel()
-    fastest = np.fmax.reduceat(np.append(mean, np.nan), windows)[::2]
-    now = place[a.index]
-    limit = share * fastest
-    spread = (1 + share**2) * variance[now] + (_SLOWED_SOFTNESS * limit) ** 2
-    return 1 - above(mean[now] - limit, 0.0, 0.0, spread)
 
 
 def moving(

@@ -13,8 +13,6 @@ from scene4d.searching.predicates._crowd import alone, crowded
 from scene4d.searching.predicates._distance import between, far, near, same_place
 from scene4d.searching.predicates._motion import (
     moving,
-    slower_than_after,
-    slower_than_before,
     speed_above,
     speed_below,
     stationary,
@@ -126,8 +124,6 @@ _ALL = (
     _predicate(staying),
     _predicate(speed_above),
     _predicate(speed_below),
-    _predicate(slower_than_before),
-    _predicate(slower_than_after),
     _predicate(moving_towards),
     _predicate(moving_away),
     _predicate(following, holds="within"),
