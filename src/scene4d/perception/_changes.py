@@ -1,10 +1,8 @@
 """Where the picture of a still camera has changed, on a small grey copy of it."""
 
-from collections.abc import Iterator
-
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int, Int16, UInt8
+from jaxtyping import Bool, Float, Int, Int16, Int32, UInt8
 
 _LONGEST_PX = 480
 """Longer side of the grey copy: the smallest people that a tile shows (16 px at full HD) are four
@@ -28,8 +26,9 @@ class GreyCopy:
         height, width = image_bgr.shape[:2]
         scale = min(1.0, _LONGEST_PX / max(width, height))
         size = max(1, round(width * scale)), max(1, round(height * scale))
-        small = cv2.resize(image_bgr, size, interpolation=cv2.INTER_AREA)
-        self.grey = cv2.blur(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), (3, 3)).astype(np.int16)
+        grey = cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY)
+        small = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
+        self.grey = cv2.blur(small, (3, 3)).astype(np.int16)
         self.scale = np.array([size[0] / width, size[1] / height] * 2)
 
     def cells(self, box_xyxy: Float[np.ndarray, "4"] | Int[np.ndarray, "4"]) -> tuple[slice, slice]:
@@ -56,8 +55,10 @@ def changed(
     return mask & (stats[:, cv2.CC_STAT_AREA] >= _LEAST_CELLS)[label]
 
 
-def areas(mask: Bool[np.ndarray, "h w"]) -> Iterator[tuple[int, int, int]]:
-    """Top, width and height of the connected areas of a mask, in cells."""
+def areas(mask: Bool[np.ndarray, "h w"]) -> Int32[np.ndarray, "n 4"]:
+    """Left, top, right and bottom of the connected areas of a mask, in cells."""
+    if not mask.any():
+        return np.empty((0, 4), np.int32)
     _, _, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
-    for _, top, width, height, _ in stats[1:].tolist():
-        yield top, width, height
+    found: np.ndarray = np.hstack([stats[1:, :2], stats[1:, :2] + stats[1:, 2:4]])
+    return found

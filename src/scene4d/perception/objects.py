@@ -118,10 +118,10 @@ class ObjectDetector:
         n, m = len(person_box), len(vehicle_box)
         names: tuple[str, ...] = () if self.keypoints is None else self.keypoints.names
         with timed(self.timings, "keypoints"):
-            uv, uv_score = self._keypoints(frame, person_box)
+            uv, uv_score = self._keypoints(frame, found)
         box = np.concatenate([person_box, vehicle_box])
         with timed(self.timings, "appearance"):
-            colours = colour_histograms(image, box).astype(np.float32)
+            colours = self._colours(frame, found, vehicle_box)
         kinds = [*["person"] * n, *vehicles.data.get("class_name", [])]
         table = Detections.from_boxes(
             (image.shape[1], image.shape[0]),
@@ -136,19 +136,39 @@ class ObjectDetector:
         )
         return table, colours
 
-    def _keypoints(self, frame: TimedImage, box: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _keypoints(self, frame: TimedImage, people: sv.Detections) -> tuple[np.ndarray, np.ndarray]:
         """Keypoints (n, k, 2) of the people in a frame, and their scores (n, k)."""
+        box = boxes_of(people)[0]
         if self.keypoints is None:
             return np.empty((len(box), 0, 2)), np.empty((len(box), 0))
         if self.attention is None:
             return self.keypoints.estimate(frame.image_bgr, box)
         postures, columns = self.attention.postures, len(self.keypoints.names)
-        still = not self.attention.looked
-        uv, score, rows = postures.carried(box, frame.time_s, columns, still=still)
+        uv, score, rows = postures.carried(people, frame.time_s, columns)
         if len(rows):
             uv[rows], score[rows] = self.keypoints.estimate(frame.image_bgr, box[rows])
-        postures.keep(box, uv, score)
+        postures.keep(people, uv, score)
         return uv, score
+
+    def _colours(
+        self, frame: TimedImage, people: sv.Detections, vehicle_box: np.ndarray
+    ) -> Float32[np.ndarray, "n 48"]:
+        """Colours of people and then of vehicles; of people as they were last looked at."""
+        box, image = boxes_of(people)[0], frame.image_bgr
+        seen = np.ones(len(box), bool)
+        number = np.asarray(people.data.get("number", ()), np.int64)
+        before = {} if self.attention is None else self.attention.colours
+        if len(number):
+            known = np.isin(number, list(before))
+            seen = ~known | (people.data["looked_s"] == frame.time_s)
+        fresh = colour_histograms(image, np.concatenate([box[seen], vehicle_box]))
+        out = np.empty((len(box) + len(vehicle_box), fresh.shape[1]), np.float32)
+        out[np.append(seen, np.ones(len(vehicle_box), bool))] = fresh
+        for row in np.flatnonzero(~seen):
+            out[row] = before[int(number[row])]
+        if self.attention is not None:
+            self.attention.colours = dict(zip(number.tolist(), out, strict=False))
+        return out
 
     def _found(self, frame: TimedImage) -> tuple[sv.Detections, sv.Detections]:
         """The people and the vehicles in a frame."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 import supervision as sv
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Float32, Int, UInt8
 
 from scene4d.core.errors import InputError
 from scene4d.perception.detectors._base import require_bgr
@@ -167,6 +167,8 @@ class TiledDetector(ABC):
     """
 
     expected_person_px: ExpectedPersonPx | None = None
+    canvases: tuple[tuple[int, int], ...] = ()
+    """Widths and heights of inputs that the network takes as they are, small ones first."""
 
     def __init__(
         self,
@@ -184,6 +186,16 @@ class TiledDetector(ABC):
     @abstractmethod
     def infer(self, image_bgr: np.ndarray, threshold: float) -> Boxes:
         """What the network says of one picture: boxes end at its borders, duplicates are left."""
+
+    def infer_canvas(self, canvas: Float32[np.ndarray, "h w 3"], threshold: float) -> Boxes:
+        """What the network says of an input of one of ``canvases``, in its pixels from edge 0."""
+        raise NotImplementedError
+
+    def person_px(self, rows: int) -> Float[np.ndarray, "h"]:
+        """Height of a person with feet at each image row, NaN where unknown."""
+        if self.expected_person_px is None:
+            return np.full(rows, np.nan)
+        return _expected_heights(self.expected_person_px, rows)
 
     def detect(self, image_bgr: UInt8[np.ndarray, "h w 3"]) -> sv.Detections:
         """Objects of one image, best first, with ``data["class_name"]``; one box per object."""

@@ -57,6 +57,7 @@ class OnnxYoloxDetector(TiledDetector):
             tile_threshold=_TILE_THRESHOLD,
         )
         self._choose_layout()
+        self.canvases = (self._size,)
 
     def infer(self, image_bgr: np.ndarray, threshold: float) -> Boxes:
         """What the network says of one picture; see :meth:`TiledDetector.infer`."""
@@ -66,10 +67,14 @@ class OnnxYoloxDetector(TiledDetector):
         columns, rows = self._canvas_size(size)
         canvas = np.full((rows, columns, 3), _PAD, np.float32)
         canvas[: size[1], : size[0]] = cv2.resize(image_bgr, size, interpolation=cv2.INTER_LINEAR)
-        found = self._read(self._run(canvas), threshold)
+        found = self.infer_canvas(canvas, threshold)
         # The network's boxes measure from the image's edge, not from the first pixel's centre.
         shrink = np.array([size[0] / width, size[1] / height] * 2)
         return found._replace(xyxy=found.xyxy / shrink - 0.5).clipped(width, height)
+
+    def infer_canvas(self, canvas: np.ndarray, threshold: float) -> Boxes:
+        """What the network says of its input; see :meth:`TiledDetector.infer_canvas`."""
+        return self._read(self._run(canvas), threshold)
 
     def _canvas_size(self, size: tuple[int, int]) -> tuple[int, int]:
         """Width and height of the input for a picture that has been shrunk to ``size``."""
@@ -138,6 +143,8 @@ class YoloxDetector(OnnxYoloxDetector):
 
     A picture is not padded to a square: 4:3 takes three quarters of the time then, 16:9 six tenths.
     """
+
+    canvases = ((160, 160), (256, 224), (INPUT_PX, INPUT_PX))
 
     def __init__(self) -> None:
         self._path = weight_path("yolox-tiny")
