@@ -21,7 +21,7 @@ def activities(
         ),
     ] = None,
 ) -> Answer:
-    """List the activities that search knows, with an example search for each.
+    """List the activities and states that search knows, with an example search for each.
 
     [bold]Examples[/bold]
 
@@ -29,6 +29,7 @@ def activities(
       scene4d activities --catalogue mine.yaml --json
     """
     from scene4d.searching.activities.catalogue import load_catalogue
+    from scene4d.searching.language import state_examples
 
     rows = [
         {
@@ -39,10 +40,11 @@ def activities(
         }
         for one in load_catalogue(*(catalogue or ())).values()
     ]
-    return Answer({"activities": rows}, lambda: _show(rows))
+    states = [{"predicates": said, "phrase": phrase} for said, phrase in state_examples()]
+    return Answer({"activities": rows, "states": states}, lambda: _show(rows, states))
 
 
-def _show(rows: list[dict[str, Any]]) -> None:
+def _show(rows: list[dict[str, Any]], states: list[dict[str, str]]) -> None:
     with screen() as console:
         for row in rows:
             console.print(row["name"], style="bold")
@@ -50,3 +52,9 @@ def _show(rows: list[dict[str, Any]]) -> None:
             if row["phrases"]:
                 console.print(f'  scene4d search SCENE "{row["phrases"][0]}"', style="dim")
             console.print()
+        console.print(
+            "States, which may be joined with one another and with activities", style="bold"
+        )
+        for row in states:
+            console.print(f'  scene4d search SCENE "{row["phrase"]}"', style="dim", soft_wrap=True)
+            console.print(f"    {row['predicates']}", markup=False, soft_wrap=True)

@@ -147,6 +147,16 @@ def test_the_lexicon_speaks_of_predicates_and_parameters_that_there_are():
             check_term(replace(term, parameters=known), "abc", PREDICATES)
 
 
+@pytest.mark.parametrize("number", range(len(read_lexicon().states)))
+def test_the_example_of_a_state_says_it(number):
+    entry = read_lexicon().states[number]
+    names = ("NAME",)
+    zones, lines = (names, ()) if "zone" in entry.example else ((), names)
+    query = parse_query(entry.example, CATALOGUE, zones, lines)
+    said = {term.predicate for term in query.activity.terms}
+    assert {term.predicate for term in entry.holds} <= said, query.predicates
+
+
 def test_words_of_the_lexicon_are_base_forms_or_stand_for_themselves():
     """A plural among the nouns would hide its singular."""
     lexicon = read_lexicon()

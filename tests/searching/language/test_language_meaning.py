@@ -232,3 +232,70 @@ def test_a_zone_of_the_catalogue_is_replaced_by_the_one_that_is_named():
     assert {t.parameters.get("zone") for t in terms} == {None, "entrance"}
     phase, _ = state_terms("person in the zone entrance")
     assert phase.terms[0].parameters == {"zone": "entrance"}
+
+
+def phases_of(text):
+    return parsed(text).activity.phases
+
+
+def test_who_leaves_after_entering_is_who_entered():
+    query = parsed("a person runs away after getting out of a car")
+    assert [role.name for role in query.activity.roles] == ["person", "vehicle"]
+    assert names("it starts after a person enters the vehicle") == ["person", "vehicle"]
+
+
+def test_whoever_was_needed_and_not_named_is_named_by_the_next_noun():
+    assert names("a person who stands next to a car gets in") == ["person", "vehicle"]
+
+
+def test_within_is_a_pause_and_for_is_a_duration():
+    (_, stands), (_, starts) = (
+        [(p.min_s, p.gap_s) for p in phases_of(f"vehicle stops {said}")][1:3]
+        for said in ("for 20 s", "and it starts within 20 s")
+    )
+    assert stands == (20, 2)
+    assert starts[1] == 20
+    with pytest.raises(InputError, match="of what"):
+        parsed("vehicle stops within 20 s")
+
+
+@pytest.mark.parametrize(
+    ("said", "value"),
+    [
+        ("person follows vehicle", 15.0),
+        ("vehicle is following a vehicle", 30.0),
+        ("vehicle near vehicle", 8.0),
+        ("vehicle next to vehicle", 5.0),
+        ("person next to person", 2.0),
+        ("person next to vehicle", 3.5),
+    ],
+)
+def test_kinds_have_their_own_distances(said, value):
+    (term,) = phases_of(said)[0].terms
+    assert term.parameters["tau_m"] == value
+
+
+def test_several_are_counted_where_a_state_allows_it():
+    for said, count in (("three people", 3), ("at least 4 people", 4), ("more than 4 people", 5)):
+        (role, *_) = parsed(f"{said} stand near a car").activity.roles
+        assert (role.name, role.count) == ("person", count)
+    (term, _) = phases_of("three people stand together")[0].terms
+    assert (term.predicate, term.parameters["count"]) == ("crowded", 3.0)
+    with pytest.raises(InputError, match="not counted"):
+        parsed("five people enter a vehicle")
+
+
+def test_passives_swap_who_does_it():
+    active, passive = parsed("person opens trunk"), parsed("the trunk is opened by a person")
+    assert passive.activity.phases == active.activity.phases
+    query = parsed("a vehicle is followed by a person")
+    assert query.predicates == ["following(person, vehicle, tau_m=15, sigma_m=4)"]
+    with pytest.raises(InputError):
+        parsed("a vehicle is entering by a person")
+
+
+def test_names_of_the_catalogue_and_of_other_data_are_searches():
+    for text in ("person_enters_vehicle", "vehicle_turns_left"):
+        assert parsed(text).activity == catalogue()[text]
+    exits = parsed("person_exits_scene_through_structure").activity
+    assert exits == catalogue()["person_leaves_scene"]

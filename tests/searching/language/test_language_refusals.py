@@ -119,7 +119,7 @@ def test_two_searches_joined_by_anything(data):
         ("person is in zone", 14, "which zone"),
         ("person ; enters @ vehicle", 17, "@"),
         ("person lowers arm then vehicle raises arm", 32, "person only"),
-        ("person within 10 s of vehicle", 23, "does what?"),
+        ("person within 10 s of vehicle", 1, "does what?"),
     ],
 )
 def test_the_place_and_the_remedy_are_named(text, position, says):

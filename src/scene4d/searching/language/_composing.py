@@ -62,9 +62,8 @@ def _chosen(
 
 
 def _chain(chain: Chain, discourse: Discourse) -> Piece:
-    whole = _chosen(chain.steps[0], discourse, _step)
-    for step, pause, word in zip(chain.steps[1:], chain.pauses, chain.words, strict=True):
-        piece = _chosen(step, discourse, _step)
+    whole, *pieces = _steps(chain, discourse)
+    for piece, pause, word in zip(pieces, chain.pauses, chain.words, strict=True):
         if pause is None and piece.delay is not None:
             pause = piece.delay.seconds
         if pause is None:
@@ -75,6 +74,20 @@ def _chain(chain: Chain, discourse: Discourse) -> Piece:
             )
         whole = in_order(whole, piece, pause)
     return whole
+
+
+def _steps(chain: Chain, discourse: Discourse) -> list[Piece]:
+    """The pieces in their order, read as they were said: "leaves after entering" names who enters
+    before. Where this makes no sense they are read in their order.
+    """
+
+    def read(order: int, known: Discourse) -> list[Piece]:
+        return [_chosen(step, known, _step) for step in chain.steps[::order]][::order]
+
+    orders = (-1, 1) if chain.is_turned else (1,)
+    _, pieces, known = discourse.trying(orders, read)[0]
+    discourse.adopt(known)
+    return pieces
 
 
 def _step(step: Joined | Chain, discourse: Discourse) -> Piece:

@@ -34,7 +34,8 @@ class _Referent:
 @dataclass
 class Discourse:
     """Everybody named so far, in order; their names with the last mentioned last; the last subject;
-    and notes to the reader. A reading that is only tried works on a copy (:meth:`trying`).
+    those who were needed and not named (``unsaid``), whom the next noun may name; and notes to the
+    reader. A reading that is only tried works on a copy (:meth:`trying`).
     """
 
     text: str
@@ -42,6 +43,7 @@ class Discourse:
     people: dict[str, _Referent] = field(default_factory=dict)
     mentions: tuple[str, ...] = ()
     subject: tuple[str, ...] = ()
+    unsaid: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
     def said(self, span: Span) -> str:
@@ -145,6 +147,8 @@ class Discourse:
             raise self.refuse(noun.span, NOBODY)
         if noun.article == "new" or not fitting:
             return None
+        if noun.article == "indefinite" and fitting[-1] in self.unsaid:
+            return fitting[-1]
         if noun.article == "indefinite":
             self.note(
                 f'"{self.said(noun.span)}" is taken as somebody new; say "the {noun.word}" for '

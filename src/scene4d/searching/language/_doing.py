@@ -1,6 +1,5 @@
 """Clauses with an activity of the catalogue."""
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -33,6 +32,7 @@ from scene4d.searching.language._sentences import (
     Spoken,
     kind_of,
 )
+from scene4d.searching.language._voice import check_of_what, check_voice
 
 NOT_OF_ACTIVITIES = '"not" denies a state, such as "is not near a vehicle", not an activity'
 _COUNTS = 'say "at least 3 people" of what they are, as in "at least 3 people are in zone NAME"'
@@ -69,7 +69,7 @@ class _Reading:
     def piece(self) -> Piece:
         """The activity with the roles, places, durations and distances of the clause."""
         activity, discourse = self.spoken.activity, self.discourse
-        self._check_voice()
+        check_voice(self.spoken, self.clause, self.done, discourse)
         filled = self._filled()
         names = self._names(filled)
         phases = tuple(with_names(phase, names) for phase in activity.phases)
@@ -136,6 +136,9 @@ class _Reading:
         if known_kinds and (slot.kind == "any" or known_kinds <= {slot.kind, "any"}):
             return discourse.subject
         known = self._last_known(slot.kind)
+        if not known and known_kinds:
+            said = discourse.said(self.clause.span)
+            raise discourse.refuse(self.clause.span, f'a {slot.kind} is expected: "{said}"')
         if not known:
             said = discourse.said(self.clause.span)
             discourse.note(f'nobody is named: "{said}" is taken of anybody who can')
@@ -165,24 +168,6 @@ class _Reading:
             said = self.discourse.said(self.clause.span)
             self.discourse.note(f'"{said}" is taken of {known[-1]}')
         return known[-1:]
-
-    def _check_voice(self) -> None:
-        """Refuse "is entering" for "is entered"."""
-        spoken, clause = self.spoken, self.clause
-        said = self.discourse.said(self.done.span)
-        is_active = re.match(r"(?!being)\w+ing\b", said) is not None
-        if spoken.is_passive:
-            has_be = clause.polarity.is_state or self.done.has_be
-            has_doer = any(
-                self.discourse.said(part.span).startswith("by ")
-                for part in clause.modifiers
-                if isinstance(part, Said)
-            )
-            is_wrong = is_active or (spoken.needs_be and (has_doer or not has_be))
-        else:
-            is_wrong = clause.polarity.is_state and not is_active and spoken.has_subject
-        if is_wrong:
-            raise self.discourse.refuse(clause.span, f'{spoken.activity.name} is not said "{said}"')
 
     def _counted(self, phases: tuple[Phase, ...]) -> tuple[Phase, ...]:
         """At least so many as are said make a crowd."""
@@ -238,6 +223,7 @@ class _Reading:
                 who = filled.get(role.name)
                 kind = who.kind if isinstance(who, Noun) and who.kind != "any" else kind_of(role)
                 name = discourse.add(kind, classes, role.name)
+                discourse.unsaid += () if role.name in filled else (name,)
             else:
                 discourse.narrow(name, classes)
                 discourse.mention(name)
@@ -261,6 +247,8 @@ class _Reading:
             return name
         might = {n for n, one in discourse.people.items() if set(one.classes) & set(role.classes)}
         fitting = [name for name in discourse.mentions if name in might and name not in taken]
+        if self.spoken.is_short and not fitting and (discourse.people or self.clause.subject):
+            check_of_what(self.done, discourse)
         if is_first or not fitting:
             return None
         discourse.note(f"the {role.name} is taken as {fitting[-1]}, named before")

@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from scene4d.searching.activities._terms import parse_term
+from scene4d.searching.activities._terms import parse_term, term_text
 from scene4d.searching.activities.definition import Term
 from scene4d.searching.predicates._registry import PREDICATES
 
@@ -40,6 +40,7 @@ class StateEntry:
     """
 
     holds: tuple[Term, ...]
+    example: str = ""
     verb: tuple[str, ...] = ()
     relation: tuple[str, ...] = ()
     by_kinds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -108,6 +109,12 @@ class Lexicon:
     def adjective(self, word: str) -> Adjective:
         """The adjective that has this word."""
         return next(entry for entry in self.adjectives if word in entry.words)
+
+
+def state_examples() -> list[tuple[str, str]]:
+    """The predicates of each state of the lexicon as text, and a search for it."""
+    states = read_lexicon().states
+    return [(" and ".join(map(term_text, entry.holds)), entry.example) for entry in states]
 
 
 @cache

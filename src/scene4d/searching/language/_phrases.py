@@ -84,7 +84,8 @@ class PhraseReader:
     ) -> Iterator[tuple[Spoken, list[_Piece]]]:
         """A phrase in the active without its last slot, and in the passive."""
         *before, last = said.pieces
-        if isinstance(last, Slot) and len(said.roles) > 1 and isinstance(before[-1], str):
+        is_short = isinstance(last, Slot) and last.kind != "any" and isinstance(before[-1], str)
+        if is_short and len(said.roles) > 1:
             short = _Said(before, said.roles[:-1])
             yield short.spoken(activity, is_short=True), short.rest
         target = self._object_at(said.pieces)

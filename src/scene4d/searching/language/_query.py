@@ -1,6 +1,7 @@
 """A search in words as an activity, and what was understood of it in lines to read."""
 
 import math
+import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -15,7 +16,7 @@ from scene4d.searching.activities.definition import Activity, Phase, Role
 from scene4d.searching.language._composing import compose
 from scene4d.searching.language._discourse import Discourse
 from scene4d.searching.language._grammar import Grammar, build_grammar
-from scene4d.searching.language._lexicon import Lexicon
+from scene4d.searching.language._lexicon import Lexicon, Refusal
 from scene4d.searching.language._pieces import Piece
 from scene4d.searching.language._reading import read_tree
 from scene4d.searching.language._refusals import refusal_at
@@ -210,9 +211,18 @@ def _refused_in(text: str, words: Sequence[Word], grammar: Grammar) -> InputErro
     for word in words:
         if word.kind == "word":
             found = refusal_at(text, word.start, False, grammar.lexicon)
-            if found is not None:
+            if found is not None and _is_said(word, found[1]):
                 return refused(text, word.start, *found)
     return None
+
+
+def _is_said(word: Word, refusal: Refusal) -> bool:
+    """Whether this very word is refused, or its base form where no other is known: who is "parked"
+    is in no park.
+    """
+    forms = {piece for pattern in refusal.words for piece in re.split(r"[ |=?]+", pattern)}
+    surface = word.surface.casefold()
+    return surface in forms or (word.value in forms and word.value != "park")
 
 
 def _unexpected(
@@ -222,6 +232,13 @@ def _unexpected(
     word = next((word for word in words if word.start == start), words[-1])
     before = [other for other in words if other.end <= start]
     units = _kinds(grammar.lexicon)["a unit"]
+    if word.kind in ("zone", "line"):
+        say = "in zone" if word.kind == "zone" else "crosses line"
+        what = f'"{word.surface}" is a {word.kind}, neither person nor vehicle'
+        return refuse(text, start, f'{what}; say "{say} {word.value}", or draw a zone there')
+    if word.value in _flat({"": tuple(w for _, ws in grammar.lexicon.units["speed"] for w in ws)}):
+        what = f'"{word.surface}": say "faster than" or "slower than" for a speed'
+        return refuse(text, start, what)
     either = next((other for other in (*before[-1:], word) if other.value == "or"), None)
     if either is not None:
         what = '"or" stands between nouns, as in "a car or a truck"; one search asks for one thing'

@@ -235,7 +235,7 @@ class _Reader(TimeReader):
         steps = all_of(children, Chain, Choice)
         pause = first_of(children, _Pause)
         ordered = steps if in_order else steps[::-1]
-        return Chain(tuple(ordered), (pause.seconds if pause else None,), (word,))
+        return Chain(tuple(ordered), (pause.seconds if pause else None,), (word,), not in_order)
 
     def pause(self, _meta: Any, children: list) -> _Pause:
         amount = first_of(children, Amount)

@@ -119,7 +119,9 @@ def _unsaid_subject(entry: StateEntry, clause: Clause, discourse: Discourse) -> 
 def _new(kind: str, discourse: Discourse) -> str:
     entry = discourse.lexicon.noun(kind)
     assert entry is not None
-    return discourse.add(kind, entry.classes, kind)
+    name = discourse.add(kind, entry.classes, kind)
+    discourse.unsaid = (*discourse.unsaid, name)
+    return name
 
 
 def _alone(clause: Clause, core: Said, discourse: Discourse) -> Piece:

@@ -180,11 +180,14 @@ class Joined:
 
 @dataclass(frozen=True)
 class Chain:
-    """One after the other; ``pauses`` in seconds, None where nothing was said of it."""
+    """One after the other; ``pauses`` in seconds, None where nothing was said of it.
+    ``is_turned`` where they were said in the opposite order, as with "after".
+    """
 
     steps: tuple["Joined | Choice | Chain", ...]
     pauses: tuple[float | None, ...]
     words: tuple[str, ...]
+    is_turned: bool = False
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ class Vocabulary:
     def word(self, surface: str) -> str | None:
         """The known word behind a surface form, or none."""
         lower = surface.casefold()
-        forms = (lower, *base_forms(lower))
+        forms = (lower, *base_forms(lower), lower.removesuffix("s") if "-" in lower else lower)
         return next((form for form in forms if form in self.words), None)
 
 
