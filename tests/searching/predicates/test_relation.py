@@ -1,5 +1,7 @@
 """Two roles: near, towards, away, following, facing, sides."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -182,6 +184,28 @@ def test_a_doubtful_heading_blurs_the_sides():
     )
     assert sure > 0.95
     assert unsure < 0.85
+
+
+@pytest.mark.parametrize("sigma_m", [0.1, 1.5])
+def test_a_bus_has_longer_sides_than_a_car(sigma_m):
+    """Two metres off its left side, four ahead of its middle: before a car, beside a bus; as the
+    share of drawn buses whose side is nearer.
+    """
+    stage = stage_of(
+        one((4.0, 2.0)), one((0.0, 0.0), name="bus", heading=0.0, heading_sigma_rad=0.01)
+    )
+    n = len(stage.tracks)
+    car = facing(rows_of(stage, 1), rows_of(stage, 2), side="left")[0]
+    size, sigma = np.array([7.5, 2.75, 3.3]), np.array([sigma_m, 0.2, 0.3])
+    tracks = replace(
+        stage.tracks, size_m=np.tile(size, (n, 1)), size_sigma_m=np.tile(sigma, (n, 1))
+    )
+    bus = replace(stage, tracks=tracks)
+    found = facing(rows_of(bus, 1), rows_of(bus, 2), side="left")[0]
+    drawn = size[:2] + sigma[:2] * np.random.default_rng(0).normal(size=(100_000, 2))
+    noise = 0.3 * np.random.default_rng(1).normal(size=(100_000, 2))
+    inside = 4.0 + noise[:, 0] - np.abs(2.0 + noise[:, 1]) < (drawn[:, 0] - drawn[:, 1]) / 2
+    assert found == pytest.approx(inside.mean(), abs=0.05) and found > 0.5 > car
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

@@ -72,7 +72,7 @@ def in_wedge(
     covariance: Float[np.ndarray, "m 2 2"],
     axis: Float[np.ndarray, "m 2"],
     *,
-    apex: float,
+    apex: float | Float[np.ndarray, "m"],
     half_angle_rad: float,
     axis_sigma_rad: Float[np.ndarray, "m"],
     sigma: float,
@@ -92,7 +92,7 @@ def in_wedge(
     total = total + sigma**2 * np.eye(2)
     s, c = np.sin(half_angle_rad), np.cos(half_angle_rad)
     left, right = s * u + c * across, s * u - c * across
-    away = point - apex * u
+    away = point - np.broadcast_to(apex, len(u))[:, None] * u
     variance = form(left, total), form(right, total)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = [1 / np.sqrt(np.maximum(v, 1e-12)) for v in variance]

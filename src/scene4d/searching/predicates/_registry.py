@@ -128,7 +128,7 @@ _ALL = (
     _predicate(moving_away),
     _predicate(following, holds="within"),
     _predicate(together, holds="within", symmetric=True),
-    _predicate(facing),
+    _predicate(facing, sizes=True),
     _predicate(turning_left),
     _predicate(turning_right),
     _predicate(u_turning),

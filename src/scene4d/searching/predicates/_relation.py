@@ -37,7 +37,7 @@ _FACING_SIGMA_RAD = np.radians(15.0)
 _SIDE_SIGMA_M = 0.3
 _VEHICLE_LENGTH_M = 4.6
 _VEHICLE_WIDTH_M = 1.85
-"""A common car, as in docs/predicates.md; only the difference of the two counts."""
+"""A common car, for vehicles of unknown size; only the difference of the two counts."""
 _AXIS_SIGMA_RAD = np.radians(10.0)
 """Of a heading without a spread of its own, as of a vehicle of which only the axis is known; chosen
 by hand."""
@@ -155,7 +155,7 @@ def facing(
     The ground about a vehicle belongs to the side whose face is nearest: a point (x, y) in the
     vehicle's own frame is before it where ``x - |y| > (length - width) / 2`` (a wedge, see
     :func:`gaussian.in_wedge`), behind it likewise, else left or right; the four probabilities sum
-    to one. Spread: both positions, b's heading, ``sigma_m`` for the word. Where b's
+    to one. Spread: both positions, b's heading and size, ``sigma_m`` for the word. Where b's
     ``heading_sigma_rad`` is NaN only its axis is known: front and back, left and right then share
     their probability alike. NaN where b's heading is unknown. Raises :class:`InputError` for
     another side.
@@ -180,13 +180,15 @@ def _at_side(way: Separation, b: StageRows, side: str, sigma_m: float) -> np.nda
     own = np.where(only_axis, _AXIS_SIGMA_RAD, b.heading_sigma_rad)
     forwards = np.stack([np.cos(b.heading_rad), np.sin(b.heading_rad)], axis=1)
     place = -way.vector_m
+    apex, apex_sigma = _faces_meet(b)
+    along = apex_sigma[:, None] * forwards
 
     def beyond(axis: np.ndarray) -> np.ndarray:
         return in_wedge(
             place,
-            way.covariance_m2,
+            way.covariance_m2 + along[:, :, None] * along[:, None, :],
             axis,
-            apex=(_VEHICLE_LENGTH_M - _VEHICLE_WIDTH_M) / 2,
+            apex=apex,
             half_angle_rad=np.pi / 4,
             axis_sigma_rad=own,
             sigma=sigma_m,
@@ -204,3 +206,14 @@ def _at_side(way: Separation, b: StageRows, side: str, sigma_m: float) -> np.nda
     left = ndtr(off / spread)
     share = left if side == "left" else 1 - left
     return np.where(only_axis, beside / 2, beside * share)
+
+
+def _faces_meet(b: StageRows) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m"]]:
+    """How far before and behind a vehicle's middle its front, or back, and both sides are equally
+    near, and the standard deviation of that; as of a common car where the size is not known.
+    """
+    (length, width), (by_length, by_width) = b.size_m[:, :2].T, b.size_sigma_m[:, :2].T
+    apex, sigma = (length - width) / 2, np.hypot(by_length, by_width) / 2
+    known = np.isfinite(apex + sigma)
+    common = (_VEHICLE_LENGTH_M - _VEHICLE_WIDTH_M) / 2
+    return np.where(known, apex, common), np.where(known, sigma, 0.0)
