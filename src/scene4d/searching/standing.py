@@ -44,13 +44,15 @@ PROVISIONAL, FINAL, WITHDRAWN = "provisional", "final", "withdrawn"
 @dataclass(frozen=True, eq=False)
 class Told:
     """An event that was found while watching. ``state`` says whether its rows may still change;
-    ``id`` is the same each time that it is told.
+    ``id`` is the same each time that it is told, and ``span_s`` from its earliest beginning to its
+    latest end so far: while rows are provisional, an event may grow and fall apart again.
     """
 
     id: str
     search: str
     state: str
     found: FoundEvent
+    span_s: tuple[float, float]
 
     def to_dict(self) -> dict[str, Any]:
         """The event as in ``search --json``, with its id, the words and the state."""
@@ -153,11 +155,17 @@ def _settle(
     matched: dict[str, FoundEvent] = {}
     swaps = is_symmetric(query.activity, PREDICATES)
     for found in events:
-        known = next((one for one in told if _is_same(one.found.event, found.event, swaps)), None)
+        event = found.event
+        known = next((k for k, one in enumerate(told) if _is_same(one, event, swaps)), None)
         if known is not None:
-            matched.setdefault(known.id, found)
-        elif now_s - _LATE_S < found.event.end_s <= now_s - SETTLED_S:
-            news.append(Told(_id(query, found), query.text, PROVISIONAL, found))
+            one = told[known]
+            matched.setdefault(one.id, found)
+            begin_s, end_s = one.span_s
+            span_s = min(begin_s, event.begin_s), max(end_s, event.end_s)
+            told[known] = replace(one, span_s=span_s)
+        elif now_s - _LATE_S < event.end_s <= now_s - SETTLED_S:
+            span_s = event.begin_s, event.end_s
+            news.append(Told(_id(query, found), query.text, PROVISIONAL, found, span_s))
     for number, one in enumerate(told):
         latest = matched.get(one.id, one.found)
         state = one.state
@@ -169,10 +177,10 @@ def _settle(
     return news
 
 
-def _is_same(one: Event, other: Event, swaps: bool) -> bool:
-    """Whether two events are one: in one time, with one doer, who is any where roles may swap."""
-    meets = one.begin_s <= other.end_s and other.begin_s <= one.end_s
-    mine, theirs = list(one.roles.values()), list(other.roles.values())
+def _is_same(told: Told, event: Event, swaps: bool) -> bool:
+    """Whether an event was told: in one time, with one doer, who is any where roles may swap."""
+    meets = told.span_s[0] <= event.end_s and event.begin_s <= told.span_s[1]
+    mine, theirs = list(told.found.event.roles.values()), list(event.roles.values())
     return meets and bool({*mine} & {*theirs} if swaps else mine[0] == theirs[0])
 
 
