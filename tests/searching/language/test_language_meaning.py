@@ -56,6 +56,7 @@ BESIDE = "near(person, vehicle, tau_m=3.5)"
             "person is where a vehicle was parked",
             ["near(person, vehicle, lag_s=inf)", "stationary(vehicle, lag_s=inf)"],
         ),
+        ("a person is not near anyone", ["alone(person)"]),
         ("two people near each other", ["near(person, person_2)"]),
         ("two people face each other", ["facing(person, person_2)", "facing(person_2, person)"]),
         ("two people near a car", ["near(person, vehicle)"]),

@@ -109,6 +109,7 @@ def test_two_searches_joined_by_anything(data):
         ("person crosses line gat", 21, '"gate"'),
         ("person near a vehicle or stops", 23, "search twice"),
         ("person carries bag", 8, "what comes closest"),
+        ("car turns right then left", 22, "turns left"),
         ("person near vehicle within 3", 28, "needs a unit"),
         ("person near vehicle within 3 of", 28, "needs a unit"),
         ("person near vehicle and", 24, "it ends too early"),

@@ -11,6 +11,8 @@ from scene4d.searching.language._sentences import Bound, Clause, Lasting, Noun, 
 from scene4d.searching.predicates._registry import PREDICATES
 
 _DISTANCE = "tau_m"
+_ANYONE = ("anyone", "anybody")
+"""Who is not near any of these is alone."""
 _MOTIONS = (
     *("moving", "speed_above", "moving_towards", "moving_away", "following", "reversing"),
     *("turning_left", "turning_right"),
@@ -161,6 +163,10 @@ def terms_of(said: Said, subject: str, discourse: Discourse) -> tuple[Term, ...]
     """The statements about a subject, as terms; those about the subject come first."""
     _check_kind(said, said.entry.subject, subject, discourse)
     names = [subject]
+    of_anyone = any(noun.word in _ANYONE for noun in said.nouns)
+    if said.is_denied and said.predicate == "near" and of_anyone:
+        near = _with_values(said.entry.holds[0], said.values)
+        return (Term("alone", (subject,), near.parameters),)
     more: tuple[Term, ...] = ()
     for noun in _objects(said):
         names.append(discourse.name_of(noun, names))
