@@ -81,9 +81,7 @@ def main() -> None:
     parser.add_argument("--camera", nargs="*", default=REPORTED)
     arguments = parser.parse_args()
     if arguments.scorer is None or not arguments.scorer.is_file():
-        print(
-            "NIST's ActEV_Scorer is not here; give its ActEV_Scorer.py as --scorer."
-        )
+        print("NIST's ActEV_Scorer is not here; give its ActEV_Scorer.py as --scorer.")
         return
     meva = arguments.data / "meva"
     with tempfile.TemporaryDirectory() as scratch:

@@ -207,8 +207,10 @@ def meva(
     DIR holds cameras/*.krtd and the annotations, as annotations.tar.xz or unpacked in annotations/.
     Every catalogue activity that MEVA labels is searched for in the annotated tracks of two
     cameras, G328 and G506. The constants were chosen on G341 and G424, which must be present too.
-    Two baselines are scored as well: the same activities in the image instead of on the ground, and
-    the probability of being near alone.
+    Four baselines are scored as well: the same activities in the image, in pixels and in box sizes;
+    the probability of being near alone; and the ends of tracks, which the annotation gives away.
+    Average precision is by NIST's rule and by overlap in time, with intervals, for each camera and
+    for the right participants; stated probabilities are held against what came true.
 
     [bold]Examples[/bold]
 

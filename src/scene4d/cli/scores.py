@@ -100,7 +100,7 @@ def _show_activities(found: ActivityEvaluation, out: Path | None) -> None:
     """Print average precision and misses by activity and method, with the notes."""
     table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold")
     table.add_column("Activity", no_wrap=True)
-    table.add_column("Labels", justify="right")
+    table.add_column("Labels", justify="right", no_wrap=True)
     for method in found.methods:
         table.add_column(f"AP\n{method.name}", justify="right", no_wrap=True)
     first = found.methods[0].name

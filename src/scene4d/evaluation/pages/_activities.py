@@ -100,7 +100,8 @@ def _trust(evaluation: ActivityEvaluation) -> Sheet:
         f"Events with a score of {MIN_SCORE:g} or more, which a search shows by default: mean of "
         "the stated probability, share that was right, and expected calibration error (the mean "
         "distance of the two in ten bins). Probabilities were fitted on cameras "
-        f"{' and '.join(evaluation.tuned)}. A dash: too few labels there."
+        f"{' and '.join(evaluation.tuned)}. A dash: too few labels there, or "
+        "scores that say no more than the share of right events."
     )
     groups = (("probability", ("stated", "right", "error")),)
     return _sheet(
@@ -135,7 +136,8 @@ def _sheet(
     for column in zip(*values.values(), strict=True):
         known = [value for value in column if value is not None]
         means.append(sum(known) / len(known) if known else None)
-    lines.append(ActivityLine("mean", "", "", _cells(labels, means or [None] * len(labels), best)))
+    # Methods that search for fewer activities have a mean of others: none is the best.
+    lines.append(ActivityLine("mean", "", "", _cells(labels, means or [None] * len(labels), 0)))
     return Sheet(heading, caption, groups, tuple(lines))
 
 
