@@ -1,8 +1,9 @@
 """How fast ``track`` is, beside an earlier commit: python -m benchmarks.throughput
 
-    [--data DIR] [--commit b36787f] [--seconds 20] [--rounds 2] [--rates 10 5]
+    [--data DIR] [--footage VIDEO CAMERA] [--commit b36787f] [--seconds 20] [--rounds 2]
+    [--rates 10 5 2]
 
-The first seconds of the PETS video are tracked with the true camera by both, in turns and each in
+The first seconds of a video (PETS with its true camera) are tracked by both, in turns and each in
 a process of its own, so that whatever else the machine does falls on both alike. Times are those of
 the whole command, start included; processor time counts all threads. The last table says how much
 longer detecting takes than the networks alone need within it, for this checkout.
@@ -102,24 +103,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.throughput", description=__doc__)
     default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
     parser.add_argument("--data", type=Path, default=Path(default))
+    parser.add_argument("--footage", type=Path, nargs=2, metavar=("VIDEO", "CAMERA"))
     parser.add_argument("--commit", default="b36787f")
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--rounds", type=int, default=2)
-    parser.add_argument("--rates", type=float, nargs="+", default=[10.0, 5.0])
+    parser.add_argument("--rates", type=float, nargs="+", default=[10.0, 5.0, 2.0])
     asked = parser.parse_args()
-    folder = asked.data / "pets2009"
+    pets = asked.data / "pets2009"
+    footage, camera = asked.footage or (pets / "vtest.avi", pets / "View_001.xml")
     print(machine())
     with tempfile.TemporaryDirectory() as scratch:
-        before, video = Path(scratch) / "before", Path(scratch) / "pets.avi"
+        before, video = Path(scratch) / "before", Path(scratch) / f"cut{footage.suffix}"
         git = ["git", "-C", str(ROOT), "worktree"]
         subprocess.run([*git, "add", "--detach", str(before), asked.commit], check=True,
                        capture_output=True)  # fmt: skip
         try:
-            frames = cut(folder / "vtest.avi", asked.seconds, video)
-            times: Rows = [["PETS", "of the command", asked.commit, "now", "ratio", "x real time"]]
-            inside: Rows = [["PETS", "stages", "networks alone", "ratio", *STAGES]]
+            frames = cut(footage, asked.seconds, video)
+            times: Rows = [["rate", "of the command", asked.commit, "now", "ratio", "x real time"]]
+            inside: Rows = [["rate", "stages", "networks alone", "ratio", *STAGES]]
             for rate in asked.rates:
-                rows, now = compared(before, video, folder / "View_001.xml", rate, asked)
+                rows, now = compared(before, video, camera, rate, asked)
                 times += rows
                 for run in now[-1:]:
                     each = [run["timings_s"].get(name, 0.0) for name in STAGES]

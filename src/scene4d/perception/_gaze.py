@@ -19,7 +19,7 @@ from scene4d.perception.detectors.tiles import Boxes, TiledDetector, cut_by_tile
 _MOVED_S = 0.3
 """What moves is looked at again after so many seconds. On PETS 2009 at 10 Hz, following people in
 between for 0.3 s left HOTA within 0.3 and the median error of positions as it was; 0.4 s cost 1.0
-of HOTA."""
+of HOTA (both without ``_TRUST``)."""
 _EARLY_S = 1e-3  # times carry rounding errors
 _TOUCHED = 0.05
 """Share of a box that must have changed for what is in it to have moved: one that drives is where

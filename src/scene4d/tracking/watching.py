@@ -102,7 +102,7 @@ def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
         "image_size": list(footage.image_size),
         "rate_hz": options.rate_hz,
         "detector": _identity(options.detector),
-        "looks_at": "what changed",
+        "looks_at": "what changed; what moves is followed",
         "chunk_s": _CHUNK_S,
         "camera": hashlib.sha256(described).hexdigest()[:12],
         "person_height_m": options.person_height_m,
@@ -215,7 +215,7 @@ def _looks(
                 view.check()
                 yield _look_of(seen, view.image_size)
                 seen = []
-                if not endless:
+                if frame is None or not endless:  # what was seen before a gap is old
                     objects.begin()
             chunk = now
             if frame is not None and view.is_right(frame):
