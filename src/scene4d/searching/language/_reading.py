@@ -4,6 +4,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import product
 from typing import Any
 
 from lark import Token, Tree, v_args
@@ -250,7 +251,7 @@ class _Reader(TimeReader):
     def front(self, _meta: Any, children: list) -> _Front:
         return _Front(children[0])
 
-    def clause(self, meta: Any, children: list) -> Clause:
+    def clause(self, meta: Any, children: list) -> Clause | Choice:
         span = span_of(meta)
         fronts = [child.said for child in all_of(children, _Front)]
         parts = [child for child in children if not isinstance(child, _Front)]
@@ -260,11 +261,12 @@ class _Reader(TimeReader):
             subject = parts.pop(0)
         polarity = first_of(parts, Polarity) or Polarity(False, False)
         parts = [part for part in parts if not isinstance(part, Polarity | Mark)]
-        fronts = [self._taken(f.options) if isinstance(f, Choice) else f for f in fronts]
-        more = (*parts[1:], *fronts)
-        return Clause(subject, polarity, parts[0], more, _hull(span, children))
+        whole = _hull(span, children)
+        readings = product(*map(options_of, (*parts[1:], *fronts)))
+        clauses = [Clause(subject, polarity, parts[0], more, whole) for more in readings]
+        return clauses[0] if len(clauses) == 1 else Choice(tuple(clauses))
 
-    def described(self, meta: Any, children: list) -> Clause:
+    def described(self, meta: Any, children: list) -> Clause | Choice:
         """ "An unattended car": what its adjective says."""
         noun = next(child for child in children if isinstance(child, Noun))
         if noun.adjectives:
