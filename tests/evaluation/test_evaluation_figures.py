@@ -15,6 +15,7 @@ from scene4d.evaluation.measures._near import NearPairs
 from scene4d.evaluation.pages._charts import auc_text, near_share, roc_curves
 from scene4d.evaluation.pages._headline import headlines
 from scene4d.evaluation.pages._pictures import both_grids, label_offsets
+from scene4d.evaluation.pages._rings import ringed_places, true_ring
 from scene4d.evaluation.pages.page import FIGURES, draw_evaluation
 from scene4d.evaluation.trials.outcomes import Setting
 
@@ -64,6 +65,19 @@ def test_a_bare_camera_of_a_user_is_drawn():
         known, name="custom", outcomes=(replace(bare, calibration=alone),), image_bgr=None
     )
     assert set(draw_evaluation(evaluation)) == {"ground_other", "alignment", "near", "roc"}
+
+
+def test_rings_are_within_tau_of_places_apart_from_each_other():
+    known = scenes.park()
+    places = ringed_places(known, 4.0)
+    assert 1 <= len(places) <= 3
+    there = known.locate(places)[0]
+    gaps = np.hypot(*(there[:, None] - there[None]).transpose(2, 0, 1))
+    assert (gaps[~np.eye(len(there), dtype=bool)] > 8).all()
+    for uv, xy in zip(places, there, strict=True):
+        ring, seen = known.locate(true_ring(known, uv, 4.0))
+        np.testing.assert_allclose(np.hypot(*(ring[seen] - xy).T), 4.0, rtol=1e-4)
+    assert len(ringed_places(known, 400.0)) == 0
 
 
 def test_a_picture_of_another_size_is_refused(whole):

@@ -336,13 +336,12 @@ def test_nothing_found_says_how_much_was_looked_at(tmp_path):
 @pytest.mark.parametrize("least", [0.05, 1.0])
 def test_a_run_is_cast_once_whether_anything_is_found_or_not(gate, monkeypatch, least):
     made = []
-    original = casting._ordered
 
     def counting(*arguments):
         made.append(arguments)
-        return original(*arguments)
+        return casting.cast(*arguments)
 
-    monkeypatch.setattr(casting, "_ordered", counting)
+    monkeypatch.setattr("scene4d.searching.activities.search.cast", counting)
     assert bool(search(gate, ENTERS, min_score=least).events) == (least < 1)
     assert len(made) == 1
 

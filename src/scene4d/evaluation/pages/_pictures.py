@@ -21,7 +21,7 @@ from scene4d.evaluation.trials.outcomes import Evaluation
 
 MAX_PEOPLE = 400
 """People that a picture shows: more hide one another."""
-_TRUE = "#FFC845"
+TRUE_COLOUR = "#FFC845"
 # Pictures are wider than charts, and shown at the same width.
 _LABEL_PT = 14.0
 
@@ -78,7 +78,9 @@ def draw_ground(evaluation: Evaluation, shown: Headline) -> style.Drawn:
     image = style.checked_image(evaluation.image_bgr, size)
     fig, axes, strip = style.picture(image, size, grey=True)
     estimated, true, step = both_grids(reference, shown)
-    axes.add_collection(LineCollection(true, colors=_TRUE, linewidths=1.1, linestyles=(0, (3, 2))))
+    axes.add_collection(
+        LineCollection(true, colors=TRUE_COLOUR, linewidths=1.1, linestyles=(0, (3, 2)))
+    )
     lines = [line.uv for line in estimated]
     axes.add_collection(
         LineCollection(lines, colors="white", linewidths=1.2, path_effects=style.halo(2.2))
@@ -86,7 +88,7 @@ def draw_ground(evaluation: Evaluation, shown: Headline) -> style.Drawn:
     dark: dict[str, Any] = {"path_effects": style.halo(2.8)}
     handles = [
         Line2D([], [], color="white", lw=1.4, label=f"estimated, every {step:g} m", **dark),
-        Line2D([], [], color=_TRUE, lw=1.6, ls=(0, (3, 2)), label="truth", **dark),
+        Line2D([], [], color=TRUE_COLOUR, lw=1.6, ls=(0, (3, 2)), label="truth", **dark),
         _numbered(axes, reference.points_uv),
     ]
     return style.drawn(fig, handles, strip)
@@ -112,13 +114,13 @@ def both_grids(
         across = (area.y_min, area.y_max) if line.axis == "x" else (area.x_min, area.x_max)
         run, held = np.linspace(*across, 400), np.full(400, line.value_m)
         xy = np.column_stack((held, run) if line.axis == "x" else (run, held))
-        uv = _true_image(reference, xy @ R.T + t)
+        uv = true_image(reference, xy @ R.T + t)
         uv[~in_frame(uv, camera.image_size, 0.02 * float(max(camera.image_size)))] = np.nan
         true.append(uv)
     return lines, true, step
 
 
-def _true_image(reference: Reference, xy_m: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+def true_image(reference: Reference, xy_m: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
     """True ground points in pixels of the footage; NaN where they are not visible."""
     if isinstance(reference.truth, GroundMap):
         return apply_homography(np.linalg.inv(reference.truth.ground_from_uv), xy_m)[0]
@@ -127,7 +129,7 @@ def _true_image(reference: Reference, xy_m: Float[np.ndarray, "n 2"]) -> Float[n
 
 def _numbered(axes: Axes, uv: Float[np.ndarray, "k 2"]) -> Line2D:
     """Points with their numbers, clear of points and of one another; returns the legend's mark."""
-    marks: dict[str, Any] = {"c": _TRUE, "linewidths": 1.1, "edgecolors": style.INK}
+    marks: dict[str, Any] = {"c": TRUE_COLOUR, "linewidths": 1.1, "edgecolors": style.INK}
     style.scatter(axes, uv, s=52, marker="o", zorder=6, clip_on=False, **marks)
     for name, offset in enumerate(_offsets(axes, uv), start=1):
         axes.annotate(
@@ -144,7 +146,9 @@ def _numbered(axes: Axes, uv: Float[np.ndarray, "k 2"]) -> Line2D:
             arrowprops={"arrowstyle": "-", "color": style.INK, "lw": 1.0, "shrinkB": 3},
             zorder=7,
         )
-    return Line2D([], [], ls="", marker="o", ms=7, c=_TRUE, mec=style.INK, label="measured points")
+    return Line2D(
+        [], [], ls="", marker="o", ms=7, c=TRUE_COLOUR, mec=style.INK, label="measured points"
+    )
 
 
 def _offsets(axes: Axes, xy: Float[np.ndarray, "k 2"]) -> Float[np.ndarray, "k 2"]:

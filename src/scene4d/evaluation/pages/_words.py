@@ -15,6 +15,7 @@ HEADINGS = {
     "ground_paper": "The ground by the paper’s method",
     "ground_joint": "The ground by the joint method",
     "ground_other": "The estimated ground",
+    "rings": "What is near, in the picture",
     "alignment": "True and estimated positions from above",
     "near": "P(near) over distance",
     "roc": "Telling near from far (ROC)",
@@ -23,6 +24,7 @@ HEADINGS = {
 _ALT = {
     "points": "The scene with numbered points on the ground.",
     "consensus": "The scene with people as lines from foot to head, inliers and outliers.",
+    "rings": "The scene with rings on the ground around places, true and estimated.",
     "alignment": "Map of true and estimated points.",
     "near": "Curve of P(near) over distance, and the share of pairs that are truly near.",
     "roc": "ROC curves for several assumed heights of people.",
@@ -31,12 +33,14 @@ _CAPTIONS = {
     "points": "The correspondence points, numbered as in all figures: picked from where people "
     "walked (or from the points given), each as far as possible on the ground from those before "
     "it.",
+    "rings": "The ground within τ of a place, as in the paper’s first figure: who stands in it is "
+    "near. Where a method’s ring is larger than the true one it takes people for nearer to one "
+    "another than they are.",
     "alignment": "Rings are the true positions; lines to the estimated ones are drawn to scale, "
     "after the best shift and rotation, without scaling.",
-    "roc": "A pair is positive if it is truly near; its score is P(near) of the estimated "
-    "distance; the number is the AUC. Only the order of the distances counts, and a wrong height "
-    "of the people scales all distances by one factor: the curves of a method hardly differ, and "
-    "an AUC near 1 does not mean that the distances are right.",
+    "roc": "A pair is positive if it is truly near; it is ranked by the distance of the person on "
+    "the aligned ground from the true place; the number is the AUC. A wrong height of the people "
+    "scales the ground, which shows here, as in the paper.",
 }
 _GROUND_ALT = "The scene with the estimated grid on the ground beside the true one."
 

@@ -20,6 +20,7 @@ from scene4d.evaluation.pages._pictures import (
     draw_ground,
     draw_points,
 )
+from scene4d.evaluation.pages._rings import draw_rings
 from scene4d.evaluation.pages._table import table
 from scene4d.evaluation.pages._words import HEADINGS, alternative, caption, paragraphs, verdict
 from scene4d.evaluation.trials.activities import ActivityEvaluation
@@ -80,6 +81,9 @@ def draw_evaluation(evaluation: Evaluation) -> dict[str, Drawn]:
     if shown:
         drawn["alignment"] = draw_alignment(shown)
         drawn["near"] = draw_near(shown)
+        rings = None if evaluation.image_bgr is None else draw_rings(evaluation, shown)
+        if rings is not None:
+            drawn["rings"] = rings
     if any(roc_curves(evaluation, s) for s in shown):
         drawn["roc"] = draw_roc(evaluation, shown)
     return {name: drawn[name] for name in FIGURES if name in drawn}

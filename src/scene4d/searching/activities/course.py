@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from scene4d.searching.activities._casting import cast, rows_of_roles
+from scene4d.searching.activities._casting import cast
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._evidence import gather
 from scene4d.searching.activities._terms import term_text
@@ -45,17 +45,8 @@ def course_of(
     predicates: Mapping[str, Predicate] = PREDICATES,
 ) -> Course | None:
     """The course of an event of this stage; None where its cast has no moment together."""
-    tracks = stage.tracks.track
-    time_s = stage.tracks.time_s
-    about = (time_s >= event.begin_s - _AROUND_S) & (time_s <= event.end_s + _AROUND_S)
-    rows = {
-        role: own[(tracks[own] == event.roles[role]) & about[own]]
-        for role, own in rows_of_roles(stage, activity).items()
-    }
+    rows = {role: _rows(stage, number, event) for role, number in event.roles.items()}
     casts = cast(stage, activity, rows, predicates)
-    wanted = np.array([event.roles[role.name] for role in activity.roles])
-    own = (tracks[stage.first_row][casts.tracks] == wanted).all(axis=1)
-    casts = casts.only(own)
     if len(casts) == 0:
         return None
     evidence = gather(stage, activity, casts, predicates, float(np.finfo(float).tiny))
@@ -65,4 +56,13 @@ def course_of(
         for phase, terms in zip(activity.phases, evidence.terms, strict=True)
         for term, own_values in zip(phase.terms, terms, strict=True)
     }
-    return Course(time_s[base], values)
+    return Course(stage.tracks.time_s[base], values)
+
+
+def _rows(stage: Stage, number: int, event: Event) -> Int[np.ndarray, "n"]:
+    """Rows of a track at about the time of an event."""
+    (at,) = np.flatnonzero(stage.tracks.track[stage.first_row] == number)
+    rows = np.arange(stage.first_row[at], stage.last_row[at] + 1)
+    time_s = stage.tracks.time_s[rows]
+    about = (time_s >= event.begin_s - _AROUND_S) & (time_s <= event.end_s + _AROUND_S)
+    return rows[about & stage.used[rows]]
