@@ -300,3 +300,14 @@ def test_names_of_the_catalogue_and_of_other_data_are_searches():
         assert parsed(text).activity == catalogue()[text]
     exits = parsed("person_exits_scene_through_structure").activity
     assert exits == catalogue()["person_leaves_scene"]
+
+
+def test_what_becomes_so_becomes_so_for_both_and_is_not_denied():
+    before, after = phases_of("two people enter the car park together")
+    assert [term.negated for term in before.terms] == [True, True, False]
+    assert not any(term.negated for term in after.terms)
+    with pytest.raises(InputError, match="denies"):
+        parsed("person does not enter zone entrance")
+    for said in ("person doesn't stop", "person talks to three people"):
+        with pytest.raises(InputError):
+            parsed(said)

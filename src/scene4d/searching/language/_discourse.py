@@ -118,6 +118,8 @@ class Discourse:
         if name is None:
             wanted = "anything" if noun.kind == "any" else noun.kind
             return self.add(noun.kind, noun.classes, wanted, noun.count)
+        if noun.count not in (1, self.people[name].count):
+            raise self.refuse(noun.span, f"{name} was named before, and so many were not")
         if noun.classes:
             self.narrow(name, noun.classes)
         self.mention(name)

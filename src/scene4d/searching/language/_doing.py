@@ -334,6 +334,9 @@ class _Reading:
             words = self.discourse.said(said.span)
             what = f'"{words}" is a moment; say "and then ..." for it'
             raise self.discourse.refuse(said.span, what)
+        if self.discourse.said(said.span).startswith("to "):
+            words = self.discourse.said(said.span)
+            raise self.discourse.refuse(said.span, f'"{words}" is said of who moves')
         for subject in subjects:
             terms = terms_of(said, subject, self.discourse)
             phases = tuple(

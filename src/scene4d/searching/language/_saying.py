@@ -41,7 +41,10 @@ def state_of(clause: Clause, core: Said, discourse: Discourse) -> Piece:
     discourse.subject = subjects
     entry = said[0].entry
     if entry.becomes:
-        return _change(entry, of_core[0], terms, lasting, discourse)
+        if said[0].is_denied:
+            what = '"not" denies a state, such as "is not in zone NAME", not what becomes so'
+            raise discourse.refuse(clause.span, what)
+        return _change(entry, of_core, terms, lasting, discourse)
     is_instant = any(one.entry.instant for one in said)
     if is_instant and lasting.least is not None:
         words = discourse.said(clause.span)
@@ -302,23 +305,31 @@ def _without_replaced(
 
 
 def _change(
-    entry: StateEntry, stated: Term, terms: tuple[Term, ...], lasting: Lasting, discourse: Discourse
+    entry: StateEntry,
+    said: tuple[Term, ...],
+    terms: tuple[Term, ...],
+    lasting: Lasting,
+    discourse: Discourse,
 ) -> Piece:
-    """The first statement holds, or does not, in phases that follow one another."""
+    """The first statement holds, or does not, in phases that follow one another; of two, for both
+    at once.
+    """
+    stated = said[0]
+    changing = tuple(term for term in said if term.predicate == stated.predicate)
     least, most = discourse.assumed("change_min_s"), discourse.assumed("change_max_s")
     phases: list[Phase] = []
     for number, is_so in enumerate(entry.becomes):
-        term = replace(stated, negated=stated.negated == is_so)
-        name = ("not " if term.negated else "") + term.predicate
+        now = tuple(replace(term, negated=term.negated == is_so) for term in changing)
+        name = ("not " if now[0].negated else "") + stated.predicate
         name += " again" if name in (phase.name for phase in phases) else ""
         within = len(entry.becomes) == 3 and number == 1
         longest = float("inf") if within else most
-        phase = Phase(name, (term,), least, longest)
+        phase = Phase(name, now, least, longest)
         if number == len(entry.becomes) // 2 and (lasting.least or lasting.most is not None):
             longest = float("inf") if lasting.most is None else lasting.most
             phase = replace(phase, min_s=lasting.least or min(least, longest), max_s=longest)
         phases.append(phase)
-    others = tuple(term for term in terms if term != stated)
+    others = tuple(term for term in terms if term not in changing)
     ends = entry.becomes[-1], len(entry.becomes)
     name = "crosses" if ends[1] == 3 else "enters" if ends[0] else "leaves"
     begins = (
