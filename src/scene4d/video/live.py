@@ -69,11 +69,11 @@ class LiveSource(Source):
         """Begin to play a file; of a stream, forget what came before. :attr:`began` is then the
         time (UTC) of the first frame.
         """
+        with self._news:
+            self._newest, self.offered, self.dropped = None, 0, 0
         if self._source.timeline is not None:
             self._began_s, self.began = time.monotonic(), datetime.now(UTC)
             self._thread.start()
-        with self._news:
-            self._newest, self.offered, self.dropped = None, 0, 0
 
     @property
     def ended(self) -> bool:
