@@ -3,7 +3,9 @@
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from importlib import resources
+from itertools import chain
 from pathlib import Path
 
 import yaml
@@ -39,21 +41,25 @@ def load_catalogue(
     """
     found: dict[str, Activity] = {}
     phrases: dict[str, str] = {}
-    sources = [(Path(path).name, _read(Path(path))) for path in paths]
-    if built_in:
-        text = resources.files(__package__).joinpath(_BUILT_IN).read_text("utf-8")
-        sources.insert(0, (_BUILT_IN, text))
-    for name, text in sources:
-        for activity, place in _Reader(name, predicates).activities(text):
-            with place():
-                if activity.name in found:
-                    raise InputError(f"the activity {activity.name!r} exists already")
-                for phrase in activity.phrases:
-                    other = phrases.setdefault(phrase.casefold(), activity.name)
-                    if other != activity.name:
-                        raise InputError(f"the phrase {phrase!r} already means {other!r}")
-            found[activity.name] = activity
+    texts = [(Path(path).name, _read(Path(path))) for path in paths]
+    given = (_Reader(name, predicates).activities(text) for name, text in texts)
+    for activity, place in chain(_shipped() if built_in else (), *given):
+        with place():
+            if activity.name in found:
+                raise InputError(f"the activity {activity.name!r} exists already")
+            for phrase in activity.phrases:
+                other = phrases.setdefault(phrase.casefold(), activity.name)
+                if other != activity.name:
+                    raise InputError(f"the phrase {phrase!r} already means {other!r}")
+        found[activity.name] = activity
     return found
+
+
+@cache
+def _shipped() -> tuple[tuple[Activity, Callable], ...]:
+    """The activities of the package, read once."""
+    text = resources.files(__package__).joinpath(_BUILT_IN).read_text("utf-8")
+    return tuple(_Reader(_BUILT_IN, PREDICATES).activities(text))
 
 
 def _read(path: Path) -> str:
