@@ -186,9 +186,7 @@ class Placement:
         inner[:2, :2] = outer.linear
         by_outer = np.eye(5)
         by_outer[:2] = outer.point_jacobian(at)[0]
-        covariance = (
-            inner @ self.covariance @ inner.T + by_outer @ outer.covariance @ by_outer.T
-        )
+        covariance = inner @ self.covariance @ inner.T + by_outer @ outer.covariance @ by_outer.T
         (x, y), scale = outer.points(at)[0].tolist(), outer.scale * self.scale
         heading, offset = (
             self.heading_rad + outer.heading_rad,
