@@ -3,6 +3,7 @@
 #   make test    lint, types, layers and tests, as .ci/run does
 #   make bench   measure, and write docs/benchmarks.md (12 minutes)
 # Another Python: make test PYTHON=python3.12      Another place: make test VENV=/tmp/env
+# Some of the tests: make test TESTS=tests/core, or TESTS='-m "not shared_data"'
 
 PYTHON ?= python3
 VENV := .venv
@@ -46,7 +47,7 @@ layers: $(DEV)
 	$(BIN)/lint-imports
 
 pytest: $(DEV)
-	$(BIN)/python -m pytest -n $(JOBS)
+	$(BIN)/python -m pytest -n $(JOBS) $(TESTS)
 
 format: $(DEV)
 	$(BIN)/ruff check --fix .

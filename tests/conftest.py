@@ -36,6 +36,13 @@ def shared_data() -> Path:
     return SHARED
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Whatever asks for the recordings can be left out by ``-m "not shared_data"``."""
+    for item in items:
+        if "shared_data" in getattr(item, "fixturenames", ()):
+            item.add_marker("shared_data")
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Keep compiled code where Python is told to write none beside its sources: tests start the
     program some fifty times, and each time it would compile a thousand modules.
