@@ -2,8 +2,9 @@
 
 ``calibrate`` finds the camera of footage, ``solve_camera`` that of points; ``track`` writes a
 :class:`Scene` of people and vehicles in metres, ``watch`` does so while a camera runs; ``search``
-finds activities in it that are told in words. :class:`Camera` projects and locates. Everything is
-loaded when it is first used, so that importing the package costs nothing.
+finds activities in it that are told in words. A :class:`Site` is several scenes on one ground and
+clock. :class:`Camera` projects and locates. Everything is loaded when it is first used, so that
+importing the package costs nothing.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from scene4d.formats.cameras import write_camera as write_camera
     from scene4d.searching import search as search
     from scene4d.store.query import Scene as Scene
+    from scene4d.store.site import Site as Site
     from scene4d.tracking import track as track
     from scene4d.tracking import watch as watch
 
@@ -30,6 +32,7 @@ _WHERE = {
     "Lens": "scene4d.core.camera",
     "Orientation": "scene4d.core.orientation",
     "Scene": "scene4d.store.query",
+    "Site": "scene4d.store.site",
     "calibrate": "scene4d.calibration.calibrating",
     "read_camera": "scene4d.formats.cameras",
     "search": "scene4d.searching",

@@ -117,10 +117,10 @@ class Scene:
         """The manifests, in the order of the rows."""
         return tuple(one.run for one in self._stored)
 
-    def only(self, run: str) -> "Scene":
-        """A scene of one of the runs; raises :class:`InputError` for an unknown run."""
-        check_there([run], [one.run.run for one in self._stored], "run")
-        return Scene([one for one in self._stored if one.run.run == run], self)
+    def only(self, *runs: str) -> "Scene":
+        """A scene of one or more of the runs; raises :class:`InputError` for an unknown run."""
+        check_there(runs, [one.run.run for one in self._stored], "run")
+        return Scene([one for one in self._stored if one.run.run in runs], self)
 
     def __len__(self) -> int:
         return sum(one.run.rows for one in self._stored)
@@ -140,9 +140,12 @@ class Scene:
         check_there(names, COLUMN_NAMES, "column")
         return self._answer(asked, ", ".join(map(name_sql, names)))
 
-    def tracks(self, **asked: Unpack[Question]) -> Tracks:
-        """The same as :class:`Tracks`, ordered by (track, time), numbered as in the scene."""
-        columns = ", ".join(map(with_nan, COLUMNS))
+    def tracks(self, *, keypoints: bool = True, **asked: Unpack[Question]) -> Tracks:
+        """The same as :class:`Tracks`, ordered by (track, time), numbered as in the scene; without
+        ``keypoints``, which are most of what is read, where they are not wanted.
+        """
+        wanted = [one for one in COLUMNS if keypoints or one.name not in KEYPOINT_COLUMNS]
+        columns = ", ".join(map(with_nan, wanted))
         return from_table(self._answer(asked, columns, "ORDER BY track, time_s"))
 
     def to_pandas(self, **asked: Unpack[Question]) -> Any:

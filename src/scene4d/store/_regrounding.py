@@ -1,0 +1,52 @@
+"""Tracks on the ground of another calibration of the same camera."""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from scene4d.core.calibration import Calibration
+from scene4d.core.tracks import Tracks
+
+_STEP_M = 0.01
+"""Half a width of the differences that give a derivative; lens and perspective are straight over a
+centimetre."""
+
+
+def regrounded(tracks: Tracks, before: Calibration, after: Calibration) -> Tracks:
+    """What stood on the ground of the camera ``before``, seen at the same pixels by ``after``.
+
+    The shared covariance becomes that of ``after``; NaN where it sees no ground.
+    """
+    xy, uv = _moved(tracks.xy_m, before, after)
+    steps = _STEP_M * np.array([[1.0, 0.0], [0.0, 1.0]])
+    columns = [
+        (_moved(tracks.xy_m + d, before, after)[0] - _moved(tracks.xy_m - d, before, after)[0])
+        / (2 * _STEP_M)
+        for d in steps
+    ]
+    J = np.stack(columns, axis=-1)
+    ahead = np.stack([np.cos(tracks.heading_rad), np.sin(tracks.heading_rad)], axis=-1)
+    ahead = np.einsum("nij,nj->ni", J, ahead)
+    shared = tracks.shared_covariance_m2
+    if after.covariance is not None:
+        shared, _ = after.ground_covariance(uv, from_camera=True)
+    return replace(
+        tracks,
+        xy_m=xy,
+        covariance_m2=J @ tracks.covariance_m2 @ J.swapaxes(1, 2),
+        shared_covariance_m2=shared,
+        velocity_mps=np.einsum("nij,nj->ni", J, tracks.velocity_mps),
+        velocity_covariance=J @ tracks.velocity_covariance @ J.swapaxes(1, 2),
+        heading_rad=np.arctan2(ahead[:, 1], ahead[:, 0]),
+    )
+
+
+def _moved(
+    xy_m: Float[np.ndarray, "n 2"], before: Calibration, after: Calibration
+) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]]:
+    """Ground points of ``after`` at the pixels where ``before`` shows those of its own."""
+    uv, _ = before.ground_pixels(xy_m)
+    assert after.camera is not None
+    xy, _ = after.camera.locate(uv, after.ground_height_m(uv)[0])
+    return xy, uv

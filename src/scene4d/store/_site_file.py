@@ -1,0 +1,170 @@
+"""``site.json``: where the cameras of a site stand, and which scenes they tracked.
+
+    {"schema": "scene4d/site/1", "start": "2026-11-20T08:00:00Z", "start_ns": .., "cameras": {NAME:
+     {"scene": FOLDER, "camera": FILE, "name": .., "runs": [..], "x_m": .., "y_m": ..,
+      "heading_deg": .., "scale": .., "time_offset_s": .., "sigma": {..}, "covariance": 5x5,
+      "status": "ok"}}, "anchor": null}
+
+Paths are relative to the site's folder where they can be. ``name`` is the camera's in its scene.
+An undetermined camera has ``reason`` and no numbers. ``start`` is the zero of the site's clock,
+null where no camera's is known: the clock of a camera counts from there if the start of its footage
+is known, else from the beginning of its clip.
+"""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from scene4d.core.errors import InputError
+from scene4d.core.json_object import JsonObject
+from scene4d.core.placement import PLACED, Placement
+
+SITE_SCHEMA = "scene4d/site/1"
+"""Name and version of the file, and the only one that is read."""
+SITE_FILE, IDENTITIES_FILE = "site.json", "identities.parquet"
+_DEGREES = 180 / np.pi
+_KINDS = ("earth", "plan", "cameras")
+_FIELDS = ("x_m", "y_m", "heading_deg", "scale", "time_offset_s")
+
+
+@dataclass(frozen=True)
+class SiteAnchor:
+    """What the site's frame is tied to.
+
+    ``earth``: +X is east and +Y north of ``latitude_deg``, ``longitude_deg`` (WGS 84, azimuthal
+    equidistant). ``plan``: metres of a floor plan. ``cameras``: the world of cameras that were
+    known. ``residual_m`` says how far each anchor lies from where all together put it.
+    """
+
+    kind: Literal["earth", "plan", "cameras"]
+    residual_m: tuple[float, ...] = ()
+    latitude_deg: float | None = None
+    longitude_deg: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """The field ``anchor``."""
+        said: dict[str, Any] = {"kind": self.kind, "residual_m": list(self.residual_m)}
+        if self.kind == "earth":
+            said |= {"latitude_deg": self.latitude_deg, "longitude_deg": self.longitude_deg}
+        return said
+
+
+@dataclass(frozen=True, eq=False)
+class SiteCamera:
+    """A camera of a site: the folder of its scene, the name that it has there, which of its runs,
+    the calibration file whose ground was placed, and its placement.
+    """
+
+    scene: Path
+    camera: Path
+    name: str
+    runs: tuple[str, ...]
+    placement: Placement
+
+
+@dataclass(frozen=True, eq=False)
+class SiteFile:
+    """The content of ``site.json``; ``start_ns`` is None where no clock is known."""
+
+    cameras: dict[str, SiteCamera]
+    start_ns: int | None = None
+    anchor: SiteAnchor | None = None
+
+    def to_dict(self, folder: Path) -> dict[str, Any]:
+        """For JSON in ``folder``."""
+        start = None if self.start_ns is None else f"{np.datetime64(self.start_ns, 'ns')}Z"
+        return {
+            "schema": SITE_SCHEMA,
+            "start": start,
+            "start_ns": self.start_ns,
+            "cameras": {name: _told(one, folder) for name, one in self.cameras.items()},
+            "anchor": None if self.anchor is None else self.anchor.to_dict(),
+        }
+
+    @classmethod
+    def load(cls, folder: Path) -> "SiteFile":
+        """Read a site's file; raises :class:`InputError` naming the file and the field."""
+        if not (folder / SITE_FILE).exists():
+            raise InputError(f"{folder}: holds no site: no {SITE_FILE}; make one with align")
+        said = JsonObject.read(folder / SITE_FILE, SITE_SCHEMA)
+        start_ns = said.value("start_ns")
+        if start_ns is not None and not (type(start_ns) is int and abs(start_ns) < 2**63):
+            raise said.error("start_ns", "nanoseconds since 1970 in 64 bits, or null")
+        told = said.object("cameras")
+        cameras = {name: _camera(told.object(name), folder) for name in told.names()}
+        if not cameras:
+            raise said.error("cameras", "one camera or more")
+        return cls(cameras, start_ns, _anchor(said.object("anchor")) if "anchor" in said else None)
+
+
+def _told(one: SiteCamera, folder: Path) -> dict[str, Any]:
+    said: dict[str, Any] = {
+        "scene": _relative(one.scene, folder),
+        "camera": _relative(one.camera, folder),
+        "name": one.name,
+        "runs": list(one.runs),
+    }
+    placed = one.placement
+    if not placed:
+        return said | {"status": placed.status, "reason": placed.reason}
+    heading_deg = placed.heading_rad * _DEGREES
+    numbers = (placed.x_m, placed.y_m, heading_deg, placed.scale, placed.time_offset_s)
+    sigma = placed.sigma
+    sigma["heading_deg"] = sigma.pop("heading_rad") * _DEGREES
+    return said | {
+        **dict(zip(_FIELDS, numbers, strict=True)),
+        "sigma": {name: sigma[name] for name in _FIELDS},
+        "covariance": {"parameters": list(PLACED), "matrix": placed.covariance.tolist()},
+        "status": placed.status,
+    }
+
+
+def _camera(said: JsonObject, folder: Path) -> SiteCamera:
+    runs = said.texts("runs")
+    if len(set(runs)) < len(runs):
+        raise said.error("runs", "names that differ")
+    return SiteCamera(
+        scene=folder / said.text("scene"),
+        camera=folder / said.text("camera"),
+        name=said.text("name"),
+        runs=runs,
+        placement=_placement(said),
+    )
+
+
+def _placement(said: JsonObject) -> Placement:
+    status = said.text("status")
+    if status == "undetermined":
+        return Placement.undetermined(said.text("reason"))
+    if status != "ok":
+        raise said.error("status", "'ok' or 'undetermined'")
+    x_m, y_m, heading_deg = (said.number(name) for name in _FIELDS[:3])
+    scale, offset_s = said.number("scale", above=0.0), said.number("time_offset_s")
+    told = said.object("covariance")
+    if told.texts("parameters") != PLACED:
+        raise told.error("parameters", f"{', '.join(PLACED)}")
+    covariance = told.array("matrix", 5, 5)
+    if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] < -1e-6:
+        raise told.error("matrix", "that of a covariance: symmetric, and no negative variance")
+    return Placement(x_m, y_m, heading_deg / _DEGREES, scale, offset_s, covariance)
+
+
+def _anchor(said: JsonObject) -> SiteAnchor:
+    kind, residual_m = said.text("kind"), tuple(said.array("residual_m", None).tolist())
+    if kind not in _KINDS:
+        raise said.error("kind", " or ".join(map(repr, _KINDS)))
+    if kind != "earth":
+        return SiteAnchor(kind, residual_m)  # type: ignore[arg-type]
+    latitude = said.number("latitude_deg", least=-90.0, most=90.0)
+    return SiteAnchor("earth", residual_m, latitude, said.number("longitude_deg"))
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """The way from the site to a path; the whole path where there is none (another drive)."""
+    try:
+        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    except ValueError:
+        return path.resolve().as_posix()

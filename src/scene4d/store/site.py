@@ -1,0 +1,373 @@
+"""Sites: several cameras on one ground and one clock, with one number for each person and vehicle.
+
+    SITE/site.json             where the cameras stand (:mod:`scene4d.store._site_file`)
+    SITE/identities.parquet    camera, track (as in its scene), identity, probability
+    SITE/cameras/NAME.json     calibrations that were refined over what several cameras saw
+
+The tracks stay in the scenes; a site maps them while it reads.
+"""
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
+from scene4d.core.columns import Columns
+from scene4d.core.errors import InputError
+from scene4d.core.placement import Placement
+from scene4d.core.tables import read_table
+from scene4d.core.tracks import Tracks
+from scene4d.store._fusing import fused
+from scene4d.store._question import Question, check_range, check_there
+from scene4d.store._regrounding import regrounded
+from scene4d.store._site_file import (
+    IDENTITIES_FILE,
+    SITE_FILE,
+    SiteAnchor,
+    SiteCamera,
+    SiteFile,
+)
+from scene4d.store.query import Scene
+from scene4d.store.runs import Run, camera_identity
+from scene4d.store.schema import with_keypoints
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+STEP_S = 0.2
+"""Time between rows of fused tracks: people and vehicles do little in less, and cameras of 5 frames
+a second and more have a row for each."""
+_NS = 1e9
+_MOST_SHOWN = 4000
+"""Positions in a notebook's plan."""
+
+
+@dataclass(frozen=True, eq=False)
+class Identities(Columns):
+    """Which tracks are one and the same: ``identity`` is the number of a person or vehicle in the
+    whole site, ``track`` that in the scene of ``camera``. ``probability`` is that of the row: that
+    the track belongs to its identity; 1 for the track that an identity began with.
+    """
+
+    camera: np.ndarray
+    track: Int[np.ndarray, "n"]
+    identity: Int[np.ndarray, "n"]
+    probability: Float[np.ndarray, "n"]
+
+    def __post_init__(self) -> None:
+        self.check_rows("identities")
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """1-D columns with their names in the file."""
+        return {name: getattr(self, name) for name in self.array_names()}
+
+    @classmethod
+    def load(cls, path: Path) -> "Identities":
+        """Read the file; raises :class:`InputError` for another table."""
+        table = read_table(path)
+        kinds = {"camera": "U", "track": "i", "identity": "i", "probability": "f"}
+        for name, kind in kinds.items():
+            if name not in table or table[name].dtype.kind != kind:
+                raise InputError(f"{path}: expected the columns {', '.join(kinds)}; align again")
+        return cls(**{name: table[name] for name in kinds})
+
+
+def is_site(path: str | os.PathLike[str]) -> bool:
+    """Whether this is the folder of a site."""
+    return (Path(path) / SITE_FILE).is_file()
+
+
+class Site:
+    """The cameras of a folder that ``align`` wrote, and their tracks on one ground and clock.
+
+    :meth:`tracks` and :meth:`camera_tracks` take the fields of :class:`Question` as keywords, in
+    the site's frame: ``begin`` and ``end`` are seconds of the site's clock or moments, ``within_m``
+    is on its ground, ``tracks`` are identities. They load only the rows that are asked for, and
+    raise :class:`InputError` as :class:`Scene` does.
+    """
+
+    def __init__(self, folder: Path, said: SiteFile) -> None:
+        self.folder, self._said = folder, said
+
+    @classmethod
+    def open(cls, folder: "str | os.PathLike[str]") -> "Site":
+        """Read a site; raises :class:`InputError` if there is none or its file is wrong."""
+        return cls(Path(folder), SiteFile.load(Path(folder)))
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Names of the cameras whose place is known, as they are called in the site."""
+        return tuple(name for name, one in self._said.cameras.items() if one.placement)
+
+    @property
+    def placements(self) -> dict[str, Placement]:
+        """Where each camera's ground and clock lie, also of those that are undetermined."""
+        return {name: one.placement for name, one in self._said.cameras.items()}
+
+    @property
+    def anchor(self) -> SiteAnchor | None:
+        """What the site's frame is tied to; None: to one of its cameras."""
+        return self._said.anchor
+
+    @property
+    def start(self) -> datetime | None:
+        """The moment at which the site's clock is 0; None where no camera's clock is known."""
+        if self._said.start_ns is None:
+            return None
+        return _EPOCH + timedelta(microseconds=self._said.start_ns / 1000)
+
+    def placed(self, camera: str) -> SiteCamera:
+        """A camera's entry; raises :class:`InputError` for one that is not in the site."""
+        check_there([camera], tuple(self._said.cameras), "camera")
+        return self._said.cameras[camera]
+
+    def scene(self, camera: str) -> Scene:
+        """The scene of a camera: those of its runs that the site holds."""
+        one = self.placed(camera)
+        if camera not in self._scenes:
+            self._scenes[camera] = _runs_of(Scene.open(one.scene), one)
+        return self._scenes[camera]
+
+    def calibration(self, camera: str) -> Calibration:
+        """The calibration whose ground is placed: refined, or that of the scene."""
+        if camera not in self._calibrations:
+            self._calibrations[camera] = Calibration.load(self.placed(camera).camera)
+        return self._calibrations[camera]
+
+    def camera(self, camera: str) -> Camera:
+        """A camera in the site's frame; raises :class:`InputError` if its place is not known."""
+        found = self.calibration(camera).camera
+        assert found is not None
+        return self.placed(camera).placement.camera(found)
+
+    @cached_property
+    def identities(self) -> Identities:
+        """Which tracks are one and the same."""
+        return Identities.load(self.folder / IDENTITIES_FILE)
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """The first and last time of a row on the site's clock; raises :class:`InputError` where no
+        camera has a place.
+        """
+        spans = [
+            (begin + shift, end + shift)
+            for camera in self._asked_cameras(None)
+            for run, shift in self.runs(camera)
+            if run.span_s
+            for begin, end in [run.span_s]
+        ]
+        return min(begin for begin, _ in spans), max(end for _, end in spans)
+
+    def runs(self, camera: str) -> list[tuple[Run, float]]:
+        """A camera's runs, and what to add to times of each for the site's clock (s)."""
+        offset_s = self.placed(camera).placement.time_offset_s
+        return [
+            (run, offset_s + clock_s(run, self._said.start_ns)) for run in self.scene(camera).runs
+        ]
+
+    def tracks(self, *, step_s: float = STEP_S, **asked: Unpack[Question]) -> Tracks:
+        """People and vehicles by identity, ordered by (track, time): what several cameras saw of
+        one at a time is fused into one row (:func:`.fused`) with a smaller covariance.
+
+        Rows lie at multiples of ``step_s`` of the site's clock. Boxes and keypoints belong to one
+        camera and are left out. Without the cameras that have no place.
+        """
+        cameras = self._asked_cameras(asked.get("cameras"))
+        seen = [self.camera_tracks(camera, keypoints=False, **asked) for camera in cameras]
+        return fused(seen, step_s)
+
+    def stretches(self, length_s: float, **asked: Unpack[Question]) -> Iterator[Tracks]:
+        """:meth:`tracks` in pieces of so many seconds, one in memory at a time; none is empty."""
+        first, last = self.span_s
+        begin = length_s * np.floor(first / length_s)
+        while begin <= last:
+            found = self.tracks(**asked | {"begin": begin, "end": begin + length_s})
+            begin += length_s
+            if len(found):
+                yield found
+
+    def camera_tracks(
+        self, camera: str, *, keypoints: bool = True, **asked: Unpack[Question]
+    ) -> Tracks:
+        """What one camera saw, in the site's frame and on its clock, ordered by (track, time).
+
+        ``track`` is the identity. ``shared_covariance_m2`` also holds what the placement is not
+        sure of, velocities and headings likewise. Boxes and keypoints are the camera's own. Raises
+        :class:`InputError` if the camera's place is not known.
+        """
+        one = self.placed(camera)
+        if not one.placement:
+            raise InputError(
+                f"{self.folder}: camera {camera!r} has no place in the site: {one.placement.reason}"
+            )
+        check_range(asked.get("begin"), asked.get("end"))
+        own = _own_question(asked)
+        known = self.identities.select(self.identities.camera == camera)
+        if asked.get("tracks") is not None:
+            known = known.select(np.isin(known.identity, np.asarray(asked["tracks"])))
+            own["tracks"] = known.track
+        found = []
+        for run, shift_s in self.runs(camera):
+            limits = {name: self._in_clip(asked.get(name), shift_s) for name in ("begin", "end")}
+            scene = self.scene(camera).only(run.run)
+            rows = scene.tracks(keypoints=keypoints, **own | limits)  # type: ignore[arg-type]
+            found.append(replace(rows, time_s=rows.time_s + shift_s))
+        tracks = self._placed_tracks(camera, _joined(found))
+        tracks = _numbered(tracks, known)
+        return _inside(tracks, asked.get("within_m"))
+
+    def _placed_tracks(self, camera: str, tracks: Tracks) -> Tracks:
+        before = self._scene_calibration(camera)
+        if before is not None and len(tracks):
+            tracks = regrounded(tracks, before, self.calibration(camera))
+        return in_site(tracks, self.placed(camera).placement)
+
+    def _in_clip(self, moment: Any, shift_s: float) -> float | None:
+        """A moment, or seconds of the site's clock, in seconds of a clip."""
+        if moment is None:
+            return None
+        if isinstance(moment, datetime):
+            if self.start is None:
+                raise InputError(
+                    "begin, end: when the footage began is not known; ask in seconds of the site's "
+                    "clock"
+                )
+            moment = (moment - self.start).total_seconds()
+        return float(moment) - shift_s
+
+    def _scene_calibration(self, camera: str) -> Calibration | None:
+        """That on whose ground the scene's rows are; None if it is the site's."""
+        one = self.placed(camera)
+        path = self.scene(camera).camera_file(one.name)
+        if path.samefile(one.camera):
+            return None
+        before, after = Calibration.load(path), self.calibration(camera)
+        same = camera_identity(before.to_dict()) == camera_identity(after.to_dict())
+        return None if same else before
+
+    def _asked_cameras(self, wanted: Sequence[str] | None) -> tuple[str, ...]:
+        if wanted is not None:
+            check_there(wanted, self.cameras, "camera")
+            return tuple(wanted)
+        if not self.cameras:
+            raise InputError(f"{self.folder}: no camera of the site has a place")
+        return self.cameras
+
+    @cached_property
+    def _scenes(self) -> dict[str, Scene]:
+        return {}
+
+    @cached_property
+    def _calibrations(self) -> dict[str, Calibration]:
+        return {}
+
+    def to_pandas(self, **asked: Unpack[Question]) -> Any:
+        """:meth:`tracks` as a pandas ``DataFrame``; raises :class:`UnavailableError` without it."""
+        return self.tracks(**asked).to_pandas()
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        """All tracks, for any library that supports Arrow's C stream interface."""
+        return self.tracks().__arrow_c_stream__(requested_schema)
+
+    def _repr_html_(self) -> str:
+        from scene4d.core.notebook import beside, plan_svg
+
+        undetermined = [name for name, one in self.placements.items() if not one]
+        said = {"Cameras": ", ".join(self.cameras)}
+        said |= {"Without a place": ", ".join(undetermined)} if undetermined else {}
+        seen = {name: len(np.unique(self._cameras_of(name))) for name in self.cameras}
+        said["Seen"] = ", ".join(f"{count} by {name}" for name, count in seen.items())
+        said["In all"] = str(len(np.unique(self.identities.identity)))
+        return beside(said, plan_svg(path for name in self.cameras for path in self._paths(name)))
+
+    def _cameras_of(self, camera: str) -> Int[np.ndarray, "n"]:
+        rows = self.identities.camera == camera
+        return self.identities.identity[rows]
+
+    def _paths(self, camera: str) -> Iterator[tuple[str, Float[np.ndarray, "n 2"]]]:
+        placement = self.placements[camera]
+        for class_name, xy in (
+            self.scene(camera).paths(self.placed(camera).name, _MOST_SHOWN).values()
+        ):
+            yield class_name, placement.points(xy)
+
+
+def clock_s(run: Run, start_ns: int | None) -> float:
+    """What to add to times of a run (s) for its camera's clock: that of the day from the site's
+    start if both are known, else the clip's own.
+    """
+    if start_ns is None or not run.start_known:
+        return 0.0
+    return (run.start_ns - start_ns) / _NS
+
+
+def in_site(tracks: Tracks, placement: Placement) -> Tracks:
+    """Tracks of a camera in the site's frame; their times stay."""
+    velocity = np.nan_to_num(tracks.velocity_mps)
+    shared = placement.own_covariances(tracks.shared_covariance_m2)
+    own_velocity = placement.own_covariances(tracks.velocity_covariance)
+    return replace(
+        tracks,
+        xy_m=placement.points(tracks.xy_m),
+        covariance_m2=placement.own_covariances(tracks.covariance_m2),
+        shared_covariance_m2=shared + placement.point_covariances(tracks.xy_m, velocity),
+        velocity_mps=placement.velocities(tracks.velocity_mps),
+        velocity_covariance=own_velocity + placement.velocity_covariances(velocity),
+        heading_rad=placement.headings(tracks.heading_rad),
+        heading_sigma_rad=placement.heading_sigmas(tracks.heading_sigma_rad),
+        z_m=placement.scale * tracks.z_m,
+        z_sigma_m=placement.scale * tracks.z_sigma_m,
+        size_m=placement.scale * tracks.size_m,
+        size_sigma_m=placement.scale * tracks.size_sigma_m,
+    )
+
+
+def _runs_of(scene: Scene, one: SiteCamera) -> Scene:
+    """The runs of a scene that a site holds."""
+    there = [run.run for run in scene.runs if run.camera == one.name]
+    check_there(one.runs, there, "run")
+    return scene.only(*one.runs)
+
+
+def _joined(parts: Sequence[Tracks]) -> Tracks:
+    """One table; runs may differ in their keypoints."""
+    most = max(part.keypoint_uv.shape[1] for part in parts)
+    return Tracks.concatenate([with_keypoints(part, most) for part in parts])
+
+
+def _own_question(asked: Question) -> Question:
+    """What every run can be asked alike."""
+    own: Question = {}
+    for name in ("classes", "observed"):
+        if asked.get(name) is not None:
+            own[name] = asked[name]
+    return own
+
+
+def _numbered(tracks: Tracks, known: Identities) -> Tracks:
+    """The tracks that are known, by identity, ordered by (track, time)."""
+    if not len(known):
+        return tracks.select(np.zeros(len(tracks), bool))
+    order = np.argsort(known.track)
+    place = np.minimum(np.searchsorted(known.track[order], tracks.track), len(order) - 1)
+    there = known.track[order][place] == tracks.track
+    identity = known.identity[order][place]
+    tracks = replace(tracks, track=identity).select(there)
+    return tracks.select(np.lexsort((tracks.time_s, tracks.track)))
+
+
+def _inside(tracks: Tracks, within_m: Any) -> Tracks:
+    if within_m is None:
+        return tracks
+    x0, y0, x1, y1 = within_m
+    if not (x0 <= x1 and y0 <= y1):
+        raise InputError(f"within_m: found {within_m}, expected x0 <= x1 and y0 <= y1")
+    x, y = tracks.xy_m.T
+    return tracks.select((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1))
