@@ -1,0 +1,1 @@
+"""Several cameras become one site: one ground, one clock, one identity."""

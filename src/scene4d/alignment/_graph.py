@@ -1,0 +1,347 @@
+"""All cameras of a site at once: factors of pairs become one estimate of poses, clocks and errors.
+
+The unknowns of a camera are its position, heading and offset in the site, the drift of its clock,
+and the errors of its calibration (:func:`_paths.error_modes`) with their unit priors. The site's
+frame is that of the first camera of a group; its metre is that of all cameras together, since
+the height of each is an unknown with a prior and none is exact.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from scene4d.alignment._factor import DRIFT_SIGMA, POSE, Factor
+from scene4d.alignment._pairs import Link
+from scene4d.alignment._paths import MODES, View
+from scene4d.core.placement import Placement
+
+_LOOP_GATE = 23.5
+"""99.99 % of chi-squared with four degrees of freedom: a loop further off holds a wrong pair."""
+_LOOP_FLOOR = np.array([0.05, 0.05, 0.005, 0.03])
+"""What a loop may err by beside what its pairs say (m, m, rad, s): linear errors of cameras."""
+_STEPS = 12
+_DRIFT_SIGMAS = 4.0
+"""A drift is stated if it is so many standard deviations from zero."""
+_LEAST_DRIFT = 2e-5
+"""Smaller drifts (rate) are left alone: 0.07 s in an hour."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Where the cameras are in the site, in their order.
+
+    ``placements`` of cameras that no chain of pairs joins to the first one's group are
+    undetermined. ``drift`` is by which fraction a clock runs slower than the site's where that is
+    certain, else 0, with ``drift_sigma``. ``errors`` (k,) of each camera are its most probable
+    calibration errors in standard deviations of its modes. ``rejected`` are pairs thrown out, with
+    the reason. ``groups`` are the cameras that are joined to each other.
+    """
+
+    placements: tuple[Placement, ...]
+    errors: tuple[Float[np.ndarray, "k"], ...]
+    drift: Float[np.ndarray, "_"]
+    drift_sigma: Float[np.ndarray, "_"]
+    groups: tuple[tuple[int, ...], ...]
+    used: tuple[Link, ...]
+    rejected: tuple[tuple[Link, str], ...]
+    covariance: Float[np.ndarray, "u u"] = field(repr=False)
+    slots: dict[int, slice] = field(repr=False)
+
+
+def solve(views: Sequence[View], links: Sequence[Link]) -> Solution:
+    """The site of the group that the first camera belongs to, or of the largest one."""
+    used, rejected = _consistent([one for one in links if one])
+    groups = _groups(len(views), used)
+    chosen = max(groups, key=lambda group: (len(group) > 1, 0 in group, len(group)))
+    inside = [one for one in used if one.a in chosen]
+    point, covariance, slots = _estimate(views, inside, chosen)
+    placements, drift, drift_sigma = [], np.zeros(len(views)), np.zeros(len(views))
+    errors = []
+    for camera, view in enumerate(views):
+        if camera not in slots:
+            reasons = [one.reason for one in links if not one and camera in (one.a, one.b)]
+            placements.append(Placement.undetermined(_why(reasons)))
+            errors.append(np.zeros(MODES))
+            continue
+        at = slots[camera]
+        placements.append(_placement(view, point[at], covariance[at, at]))
+        errors.append(point[at][POSE:])
+        drift[camera] = point[at][POSE - 1]
+        drift_sigma[camera] = np.sqrt(covariance[at, at][POSE - 1, POSE - 1])
+    return Solution(
+        tuple(placements),
+        tuple(errors),
+        drift,
+        drift_sigma,
+        tuple(map(tuple, groups)),
+        tuple(inside),
+        tuple(rejected),
+        covariance,
+        slots,
+    )
+
+
+def _why(reasons: Sequence[str | None]) -> str:
+    """One reason for all pairs of a camera: the most frequent."""
+    said = [reason for reason in reasons if reason]
+    return max(said, key=said.count) if said else "no other camera is joined to this one"
+
+
+def _placement(view: View, values: np.ndarray, covariance: np.ndarray) -> Placement:
+    """The map of the camera's ground: from the pose, and the scale that its errors amount to.
+
+    The scale is the mean ratio of true to reported distance from the camera over its tracks.
+    """
+    weight = np.einsum("na,nak->k", view.xy_m, view.modes_m) / max((view.xy_m**2).sum(), 1e-9)
+    slopes = np.zeros((5, len(values)))
+    slopes[:3, :3] = np.eye(3)
+    slopes[4, 3] = 1.0
+    slopes[3, POSE:] = -weight
+    at = slopes @ values
+    return Placement.from_parameters(at, _symmetric(slopes @ covariance @ slopes.T))
+
+
+def _estimate(
+    views: Sequence[View], links: Sequence[Link], group: Sequence[int]
+) -> tuple[np.ndarray, np.ndarray, dict[int, slice]]:
+    """Most probable unknowns of a group and their covariance: Gauss-Newton over all factors."""
+    slots, size = {}, 0
+    for camera in group:
+        slots[camera] = slice(size, size + POSE + MODES)
+        size = slots[camera].stop
+    point = np.zeros(size)
+    for camera, pose in _chained(links, group).items():
+        point[slots[camera]][: POSE - 1] = pose
+    drifting = _drifting(views, links, slots, point)
+    information = np.zeros((size, size))
+    for _ in range(_STEPS):
+        information, force = _normal(views, links, slots, point, drifting)
+        moved = np.linalg.solve(information, force)
+        point = point + moved
+        if np.abs(moved).max() < 1e-6:
+            break
+    covariance = np.linalg.inv(information)
+    first = slots[group[0]]
+    held = np.arange(first.start, first.start + POSE)
+    covariance[held] = covariance[:, held] = 0.0
+    for camera in group:
+        if not drifting:
+            at = slots[camera].start + POSE - 1
+            covariance[at] = covariance[:, at] = 0.0
+    return point, covariance, slots
+
+
+_HELD = 1e12
+"""Information that holds an unknown at zero."""
+
+
+def _drifting(
+    views: Sequence[View], links: Sequence[Link], slots: dict[int, slice], point: np.ndarray
+) -> bool:
+    """Whether the clocks run at different rates for certain: else one rate is assumed."""
+    here = point.copy()
+    information, force = _normal(views, links, slots, here, True)
+    here += np.linalg.solve(information, force)
+    covariance = np.linalg.inv(information)
+    for one in slots.values():
+        at = one.start + POSE - 1
+        if abs(here[at]) > max(_DRIFT_SIGMAS * np.sqrt(covariance[at, at]), _LEAST_DRIFT):
+            return True
+    return False
+
+
+def _normal(
+    views: Sequence[View],
+    links: Sequence[Link],
+    slots: dict[int, slice],
+    point: np.ndarray,
+    drifting: bool,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Information of all unknowns at a point, and the force that moves them."""
+    size = len(point)
+    information, force = np.zeros((size, size)), np.zeros(size)
+    for one in links:
+        assert one.factor is not None
+        values, slopes = _relative(one.factor, point[slots[one.a]], point[slots[one.b]])
+        pull = one.factor.vector - one.factor.information @ _near(values, one.factor.at)
+        columns = np.r_[slots[one.a], slots[one.b]]
+        information[np.ix_(columns, columns)] += slopes.T @ one.factor.information @ slopes
+        force[columns] += slopes.T @ pull
+    prior = np.zeros(size)
+    for number, camera in enumerate(slots):
+        start = slots[camera].start
+        prior[start + POSE : slots[camera].stop] = 1.0
+        prior[start + POSE - 1] = DRIFT_SIGMA**-2 if drifting else _HELD
+        if number == 0:
+            prior[start : start + POSE] = _HELD
+    information[np.diag_indices(size)] += prior
+    return information, force - prior * point
+
+
+def _near(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Values with the heading on the same turn as that of the linearisation."""
+    near = values.copy()
+    near[2] = at[2] + np.angle(np.exp(1j * (values[2] - at[2])))
+    return near
+
+
+def _relative(factor: Factor, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A factor's unknowns from those of its cameras in the site, and the derivatives.
+
+    Drifts are small and only their difference counts; the offset holds at the factor's epoch.
+    """
+    c, s = np.cos(a[2]), np.sin(a[2])
+    back = np.array([[c, s], [-s, c]])
+    step = back @ (b[:2] - a[:2])
+    ka = kb = MODES
+    values = np.concatenate([step, [b[2] - a[2], 0.0, b[4] - a[4]], a[POSE:], b[POSE:]])
+    epoch = factor.epoch_s + a[3]
+    values[3] = b[3] - a[3] + (b[4] - a[4]) * epoch
+    slopes = np.zeros((POSE + ka + kb, 2 * POSE + ka + kb))
+    of_b = POSE + ka
+    slopes[:2, :2], slopes[:2, of_b : of_b + 2] = -back, back
+    slopes[:2, 2] = step[1], -step[0]
+    for row in (2, 3, 4):
+        slopes[row, row], slopes[row, of_b + row] = -1.0, 1.0
+    slopes[3, 4], slopes[3, of_b + 4] = -epoch, epoch
+    slopes[POSE : POSE + ka, POSE:of_b] = np.eye(ka)
+    slopes[POSE + ka :, of_b + POSE :] = np.eye(kb)
+    return values, slopes
+
+
+def _consistent(links: Sequence[Link]) -> tuple[list[Link], list[tuple[Link, str]]]:
+    """Pairs that agree around every loop, of as high a total score as can be had, and the others.
+
+    The best pairs come first; each further one must fit what the cameras' chain of pairs already
+    says. Then a pair is dropped if what contradicts it scores more together.
+    """
+    order = sorted(links, key=lambda one: -one.score)
+    kept, out = _grown(order)
+    for suspect in list(kept):
+        others = [one for one in order if one is not suspect]
+        again, left = _grown(others)
+        if sum(one.score for one in again) > sum(one.score for one in kept) + 1e-9:
+            kept, out = again, [*left, suspect]
+    reasons = []
+    for one in out:
+        gap = _gap(one, kept)
+        metres, turn, seconds = (0.0, 0.0, 0.0) if gap is None else gap[1]
+        reasons.append(
+            (
+                one,
+                "its place contradicts that from the other cameras "
+                f"(by {metres:.1f} m, {np.degrees(turn):.0f}°, {seconds:.1f} s)",
+            )
+        )
+    return kept, reasons
+
+
+def _grown(order: Sequence[Link]) -> tuple[list[Link], list[Link]]:
+    kept: list[Link] = []
+    out: list[Link] = []
+    for one in order:
+        gap = _gap(one, kept)
+        (kept if gap is None or gap[0] < _LOOP_GATE else out).append(one)
+    return kept, out
+
+
+def _gap(one: Link, kept: Sequence[Link]) -> tuple[float, tuple[float, float, float]] | None:
+    """How far a pair is from what a chain of others says: chi-squared, and metres, radians and
+    seconds; None without a chain.
+    """
+    chain = _chain(one.a, one.b, kept)
+    if chain is None:
+        return None
+    assert one.factor is not None
+    pose, covariance = _pose_of(one.factor)
+    other, beside = np.zeros(4), np.diag(_LOOP_FLOOR**2)
+    for step, forward in chain:
+        assert step.factor is not None
+        value, spread = _pose_of(step.factor)
+        if not forward:
+            value, spread = _turned_back(value, spread)
+        other, beside = _appended(other, beside, value, spread)
+    apart = pose - other
+    apart[2] = np.angle(np.exp(1j * apart[2]))
+    q = float(apart @ np.linalg.solve(covariance + beside, apart))
+    return q, (float(np.hypot(*apart[:2])), float(abs(apart[2])), float(abs(apart[3])))
+
+
+def _pose_of(factor: Factor) -> tuple[np.ndarray, np.ndarray]:
+    values, covariance = factor.alone()
+    pose = values[:4].copy()
+    pose[3] -= values[4] * factor.epoch_s
+    slopes = np.zeros((4, len(values)))
+    slopes[:, :4] = np.eye(4)
+    slopes[3, 4] = -factor.epoch_s
+    return pose, slopes @ covariance @ slopes.T
+
+
+def _appended(
+    pose: np.ndarray, spread: np.ndarray, step: np.ndarray, own: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """A pose, and one given in its frame, as one; the two err independently."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    turn = np.eye(4)
+    turn[:2, :2] = [[c, -s], [s, c]]
+    moved = turn @ step
+    by_pose = np.eye(4)
+    by_pose[:2, 2] = -moved[1], moved[0]
+    return pose + moved, by_pose @ spread @ by_pose.T + turn @ own @ turn.T
+
+
+def _turned_back(pose: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The first camera in the frame of the second."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    back = -np.eye(4)
+    back[:2, :2] = -np.array([[c, s], [-s, c]])
+    value = back @ pose
+    slopes = back.copy()
+    slopes[:2, 2] = value[1], -value[0]
+    return value, slopes @ spread @ slopes.T
+
+
+def _chain(a: int, b: int, links: Sequence[Link]) -> list[tuple[Link, bool]] | None:
+    """The shortest chain of pairs from camera a to camera b, each with whether it runs forward."""
+    reached: dict[int, list[tuple[Link, bool]]] = {a: []}
+    front = [a]
+    while front and b not in reached:
+        after = []
+        for here in front:
+            for one in links:
+                for start, stop, forward in ((one.a, one.b, True), (one.b, one.a, False)):
+                    if start == here and stop not in reached:
+                        reached[stop] = [*reached[here], (one, forward)]
+                        after.append(stop)
+        front = after
+    return reached.get(b)
+
+
+def _chained(links: Sequence[Link], group: Sequence[int]) -> dict[int, np.ndarray]:
+    """First poses of a group's cameras (x, y, heading, offset) along chains of pairs."""
+    poses = {}
+    for camera in group:
+        pose, spread = np.zeros(4), np.zeros((4, 4))
+        for step, forward in _chain(group[0], camera, links) or []:
+            assert step.factor is not None
+            value, own = _pose_of(step.factor)
+            if not forward:
+                value, own = _turned_back(value, own)
+            pose, spread = _appended(pose, spread, value, own)
+        poses[camera] = pose
+    return poses
+
+
+def _groups(count: int, links: Sequence[Link]) -> list[list[int]]:
+    """Cameras that are joined, each group in order."""
+    group = list(range(count))
+    for one in links:
+        old, new = group[one.a], group[one.b]
+        group = [new if number == old else number for number in group]
+    return [[c for c in range(count) if group[c] == number] for number in sorted(set(group))]
+
+
+def _symmetric(matrix: np.ndarray) -> np.ndarray:
+    return (matrix + matrix.T) / 2

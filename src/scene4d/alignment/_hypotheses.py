@@ -1,0 +1,218 @@
+"""Where two cameras may lie to each other: pieces of paths that have one shape, and their votes.
+
+Two stretches of path of equal duration are laid onto each other by the best rotation and shift,
+which complex numbers give in closed form: with centred positions z_a and z_b as complex numbers,
+the rotation is the angle of ``g = Σ conj(z_b) z_a`` and the remainder ``Σ|z_a|² + Σ|z_b|² - 2|g|``.
+So one matrix product compares all stretches of one camera with all of the other. A match votes for
+a time offset, a heading and a shift; people in common vote alike.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from scene4d.alignment._paths import STEP_S, Paths
+
+_LENGTHS = (10, 24)
+"""Ticks in a stretch: 5 s is the shortest that shows a turn, 12 s what broken tracks still have."""
+_LEAST_EXTENT_M = 0.4
+"""Least root-mean-square extent (m): who moves less shows no shape beside the noise."""
+_JITTER_M = 0.12
+"""What a stretch's shape errs by beside the rows' own noise (m): steps and boxes."""
+_SCALE_SIGMA = 0.1
+"""Log-scale difference of two cameras: both heights err by 5 to 10 %."""
+_REACH = 9.0
+"""Matches of a larger normalised remainder do not vote (chi-squared of a few facts)."""
+_PRODUCTS = 4_000_000
+"""Most comparisons per length of stretch; more ways do not change what is found."""
+_MOST_VOTES = 60_000
+_BIN = np.array([1.0, np.radians(15.0), 1.5, 1.5])
+"""Width of a ballot's box: seconds, radians, metres at the middle of the people."""
+_KEPT = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Hypotheses:
+    """Candidates: ``offset_s``, ``heading_rad`` and ``shift_m`` so that a point p of camera b at
+    its time t is ``Rot(heading) p + shift`` in the ground of camera a at ``t + offset``.
+    """
+
+    offset_s: Float[np.ndarray, "n"]
+    heading_rad: Float[np.ndarray, "n"]
+    shift_m: Float[np.ndarray, "n 2"]
+    votes: Float[np.ndarray, "n"]
+
+    def __len__(self) -> int:
+        return len(self.votes)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretches:
+    """Stretches of one length: centred shape as complex numbers (n, length), and its middle."""
+
+    shape: np.ndarray
+    middle: np.ndarray
+    tick: np.ndarray
+    track: np.ndarray
+    kind: np.ndarray
+    noise_m2: np.ndarray
+
+    def taken(self, rows: np.ndarray) -> "_Stretches":
+        names = ("shape", "middle", "tick", "track", "kind", "noise_m2")
+        return _Stretches(*(getattr(self, name)[rows] for name in names))
+
+
+def hypotheses(a: Paths, b: Paths, offsets_s: tuple[float, float]) -> Hypotheses:
+    """The alignments for which most votes were cast, best first."""
+    pivot = complex(*b.xy_m.mean(axis=0)) if len(b) else 0j
+    ballots = [_ballots(a, b, length, offsets_s, pivot) for length in _LENGTHS]
+    vote = np.concatenate([ballot[0] for ballot in ballots])
+    who = np.concatenate([ballot[1] for ballot in ballots])
+    weight = np.concatenate([ballot[2] for ballot in ballots])
+    if len(weight) > _MOST_VOTES:
+        best = np.argpartition(-weight, _MOST_VOTES)[:_MOST_VOTES]
+        vote, who, weight = vote[best], who[best], weight[best]
+    return _counted(vote, who, weight, pivot)
+
+
+def _stretches(paths: Paths, length: int) -> _Stretches:
+    """All stretches of one length that move, begun at every tick."""
+    n = len(paths) - length + 1
+    if n <= 0:
+        start = np.zeros(0, int)
+    else:
+        start = np.flatnonzero(paths.piece[:n] == paths.piece[length - 1 :])
+    z = paths.xy_m[:, 0] + 1j * paths.xy_m[:, 1]
+    shape = z[start[:, None] + np.arange(length)]
+    middle = shape.mean(axis=1)
+    shape = shape - middle[:, None]
+    moves = (np.abs(shape) ** 2).mean(axis=1) > _LEAST_EXTENT_M**2
+    start = start[moves]
+    return _Stretches(
+        shape[moves].astype(np.complex64),
+        middle[moves],
+        paths.tick[start] + (length - 1) / 2,
+        paths.track[start],
+        paths.kind[start],
+        paths.noise_m2[start + length // 2],
+    )
+
+
+def _ballots(
+    a: Paths,
+    b: Paths,
+    length: int,
+    offsets_s: tuple[float, float],
+    pivot: complex,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Votes (m, 4), the pairs of tracks that cast them (m,), and their weights (m,)."""
+    of_a, of_b = _stretches(a, length), _stretches(b, length)
+    of_a = of_a.taken(_thinned(len(of_a.tick), length // 3))
+    low, high = np.array(offsets_s) / STEP_S
+    order = np.argsort(of_b.tick, kind="stable")
+    of_b = of_b.taken(order)
+    first = np.searchsorted(of_b.tick, of_a.tick - high)
+    last = np.searchsorted(of_b.tick, of_a.tick - low, side="right")
+    total = int((last - first).sum())
+    if total > _PRODUCTS:
+        chosen = _busiest(of_a.tick, last - first)
+        of_a, first, last = of_a.taken(chosen), first[chosen], last[chosen]
+    parts = []
+    for rows in _blocks(of_a.tick, first, last):
+        begin, end = int(first[rows].min()), int(last[rows].max())
+        if end > begin:
+            parts.append(_matches(of_a.taken(rows), of_b.taken(np.arange(begin, end)), (low, high)))
+    if not parts:
+        return np.zeros((0, 4)), np.zeros(0, np.int64), np.zeros(0)
+    offset, heading, shift_a, shift_b, who, weight = map(np.concatenate, zip(*parts, strict=True))
+    at = shift_a - np.exp(1j * heading) * (shift_b - pivot)
+    vote = np.column_stack([offset, heading, at.real, at.imag])
+    return vote, who, weight
+
+
+def _thinned(n: int, stride: int) -> Int[np.ndarray, "m"]:
+    return np.arange(0, n, max(1, stride))
+
+
+def _busiest(tick: np.ndarray, work: np.ndarray) -> np.ndarray:
+    """Rows of a stretch of time, or of few, that hold as much work as is affordable.
+
+    People in common are met together, so whole spans are kept and not rows here and there.
+    """
+    span = np.floor(tick / (120.0 / STEP_S)).astype(int)
+    spans, of = np.unique(span, return_inverse=True)
+    amount = np.bincount(of, work)
+    rng = np.random.default_rng(len(tick))
+    order = rng.permutation(len(spans))
+    fits = np.cumsum(amount[order]) <= _PRODUCTS
+    kept = order[: max(1, int(fits.sum()))]
+    rows = np.flatnonzero(np.isin(of, kept))
+    if work[rows].sum() > _PRODUCTS:
+        rows = rows[:: int(np.ceil(work[rows].sum() / _PRODUCTS))]
+    return rows
+
+
+def _blocks(tick: np.ndarray, first: np.ndarray, last: np.ndarray) -> list[np.ndarray]:
+    """Rows in order of time, in blocks whose matrices stay small."""
+    order = np.argsort(tick, kind="stable")
+    size = max(1, int(1_000_000 / max(1, int((last - first).max(initial=1)))))
+    return [order[k : k + size] for k in range(0, len(order), size)]
+
+
+def _matches(
+    a: _Stretches, b: _Stretches, ticks: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Offsets, headings, both middles, pairs of tracks and weights of stretches of one shape."""
+    length = a.shape.shape[1]
+    energy_a = (np.abs(a.shape) ** 2).sum(axis=1) / length
+    energy_b = (np.abs(b.shape) ** 2).sum(axis=1) / length
+    g = a.shape @ b.shape.conj().T / length
+    size = np.abs(g)
+    alike = size / np.sqrt(energy_a[:, None] * energy_b[None])
+    noise = 2 * _JITTER_M**2 + a.noise_m2[:, None] + b.noise_m2[None]
+    unlike = energy_a[:, None] * (1 - alike**2)
+    growth = np.log(size / energy_b[None]) / _SCALE_SIGMA
+    remainder = unlike * (length / 4) / noise + growth**2
+    offset = a.tick[:, None] - b.tick[None]
+    there = (offset >= ticks[0]) & (offset <= ticks[1]) & (a.kind[:, None] == b.kind[None])
+    near = (remainder < _REACH) & there
+    i, j = np.nonzero(near)
+    # A stretch that matches whatever comes tells nothing: how rarely it does is its worth.
+    rare = np.log((there.sum(axis=1) + 1.0) / (near.sum(axis=1) + 1.0))
+    weight = rare[i] * (1 - remainder[i, j] / _REACH)
+    who = a.track[i].astype(np.int64) * (1 << 31) + b.track[j]
+    return offset[i, j] * STEP_S, np.angle(g[i, j]), a.middle[i], b.middle[j], who, weight
+
+
+def _counted(vote: np.ndarray, who: np.ndarray, weight: np.ndarray, pivot: complex) -> Hypotheses:
+    """The fullest boxes of two ballots, one shifted by half a box; a pair of tracks counts once."""
+    found = []
+    for half in (0.0, 0.5):
+        box = np.floor(vote / _BIN + half).astype(np.int64)
+        box[:, 1] %= round(2 * np.pi / _BIN[1])
+        box -= box.min(axis=0, initial=0)
+        wide = box.max(axis=0, initial=0) + 1
+        key = ((box[:, 0] * wide[1] + box[:, 1]) * wide[2] + box[:, 2]) * wide[3] + box[:, 3]
+        order = np.lexsort((-weight, who, key))
+        key, pair = key[order], who[order]
+        once = (np.diff(key, prepend=-1) != 0) | (np.diff(pair, prepend=-1) != 0)
+        boxes, of = np.unique(key[once], return_inverse=True)
+        total = np.bincount(of, weight[order][once], len(boxes))
+        for best in np.argsort(-total)[:_KEPT]:
+            rows = order[
+                np.searchsorted(key, boxes[best]) : np.searchsorted(key, boxes[best], "right")
+            ]
+            w = weight[rows] + 1e-9
+            turn = np.angle((w * np.exp(1j * vote[rows, 1])).sum())
+            mean = (w[:, None] * vote[rows]).sum(axis=0) / w.sum()
+            found.append((mean[0], turn, mean[2] + 1j * mean[3], total[best]))
+    found.sort(key=lambda one: -one[3])
+    offset, heading, at, total = (np.array([one[k] for one in found]) for k in range(4))
+    shift = at - np.exp(1j * heading) * pivot if len(found) else np.zeros(0, complex)
+    return Hypotheses(
+        offset.astype(float),
+        heading.astype(float),
+        np.column_stack([shift.real, shift.imag]),
+        total,
+    )

@@ -1,0 +1,204 @@
+"""Two cameras: where one lies to the other by the people both saw, or why that is not told."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from scene4d.alignment._factor import Factor, Match, factor_of, matches
+from scene4d.alignment._hypotheses import hypotheses
+from scene4d.alignment._paths import Paths, View
+from scene4d.alignment._score import Crowd, Fit, Meetings, fitted
+
+MAX_OFFSET_S = 600.0
+"""Clocks are set to within ten minutes of each other, unless it is known better."""
+_FITTED = 12
+"""Candidates of the vote that are moved to their best; more found nothing new on made worlds."""
+_SCANNED = 12_000
+"""Moments by which candidates are compared before that."""
+_LEAST_SCORE = 10.0
+"""Least log-ratio of an alignment: e^10 against the thousands of places that were tried."""
+_ACCIDENT = 1e-3
+"""An alignment that accident reaches with a larger probability is refused."""
+_MARGIN = 5.0
+"""Log-ratio by which an alignment must beat its rivals."""
+_TAIL = 1.5
+"""Least scale of the tail of accidental scores."""
+_APART_M, _APART_S = 1.5, 1.5
+"""Alignments that put people further apart than this, or at other times, are rivals."""
+_ELSEWHEN_S = 5.0
+"""Candidates at an offset so far from the best one's are accidents."""
+_MOST_SIGMA_M, _MOST_SIGMA_RAD, _MOST_SIGMA_S = 1.0, np.radians(12.0), 1.0
+"""What must be determined where the people are: position, heading, offset."""
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """What two cameras, by their numbers, say of each other.
+
+    False if undetermined, with the ``reason``. ``score`` is the log-ratio of the alignment against
+    accident, ``accident`` the probability that accident reaches it. ``pairs`` are the numbers of
+    tracks (a, b) that show one person, with the log-ratio of each.
+    """
+
+    a: int
+    b: int
+    factor: Factor | None = None
+    reason: str | None = None
+    score: float = 0.0
+    accident: float = 1.0
+    pairs: tuple[tuple[int, int, float], ...] = ()
+    found: tuple[Match, ...] = ()
+
+    def __bool__(self) -> bool:
+        return self.factor is not None
+
+
+def link(
+    a: View,
+    b: View,
+    numbers: tuple[int, int] = (0, 1),
+    offsets_s: tuple[float, float] = (-MAX_OFFSET_S, MAX_OFFSET_S),
+) -> Link:
+    """Where camera b lies to camera a. ``offsets_s`` bounds what is added to b's clock."""
+    for view in (a, b):
+        if not len(view.paths):
+            return Link(*numbers, reason=f"camera {view.name} tracked nobody")
+    crowds = Crowd.of(a.paths), Crowd.of(b.paths)
+    real = _candidates(a.paths, b.paths, crowds, offsets_s)
+    if not real:
+        return Link(*numbers, reason="nobody walks a way that both cameras could have seen")
+    best = real[0]
+    mirror = b.paths.mirrored()
+    decoys = _candidates(a.paths, mirror, (crowds[0], Crowd.of(mirror)), offsets_s)
+    chance = _accident(best, real, decoys)
+    meetings = Meetings(*crowds)
+    best = fitted(meetings, best)
+    matching = meetings.matching(best)
+    refused = _refusal(best, real, chance, b.paths)
+    if refused is None and not matching.pairs:
+        refused = _NOBODY
+    if refused is not None:
+        return Link(*numbers, reason=refused, score=best.score, accident=chance)
+    found = matches(meetings, matching)
+    factor = factor_of(a, b, found, best)
+    refused = _untold(factor, found)
+    if refused is not None:
+        return Link(*numbers, reason=refused, score=best.score, accident=chance)
+    first = np.unique(matching.pair, return_index=True)[1]
+    track_a = crowds[0].paths.track[matching.row_a[first]]
+    track_b = crowds[1].paths.track[matching.row_b[first]]
+    pairs = zip(track_a.tolist(), track_b.tolist(), matching.gain.tolist(), strict=True)
+    return Link(*numbers, factor, None, best.score, chance, tuple(pairs), tuple(found))
+
+
+_NOBODY = (
+    "the tracks fit together no better than those of different people; "
+    "the cameras share nobody, or too few"
+)
+
+
+def _candidates(
+    a: Paths, b: Paths, crowds: tuple[Crowd, Crowd], offsets_s: tuple[float, float]
+) -> list[Fit]:
+    """Different alignments with their scores, best first."""
+    ballot = hypotheses(a, b, offsets_s)
+    meetings = Meetings(*crowds, most=_SCANNED)
+    starts = []
+    for k in range(len(ballot)):
+        values = [*ballot.shift_m[k], ballot.heading_rad[k], 0.0, ballot.offset_s[k]]
+        start = Fit(np.array(values, float))
+        starts.append(Fit(start.parameters, meetings.matching(start).score))
+    around = _around(b)
+    starts = _different(starts, around)[:_FITTED]
+    return _different([fitted(meetings, start) for start in starts], around)
+
+
+def _around(paths: Paths) -> Float[np.ndarray, "4 2"]:
+    """Four points that span where people are."""
+    middle, spread = paths.xy_m.mean(axis=0), paths.xy_m.std(axis=0)
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    points: np.ndarray = middle + corners * spread
+    return points
+
+
+def _different(fits: list[Fit], around: Float[np.ndarray, "4 2"]) -> list[Fit]:
+    """Best first, without those that say the same as a better one."""
+    kept: list[Fit] = []
+    for fit in sorted(fits, key=lambda one: -one.score):
+        if all(_apart(fit, other, around) for other in kept):
+            kept.append(fit)
+    return kept
+
+
+def _apart(fit: Fit, other: Fit, around: Float[np.ndarray, "4 2"]) -> bool:
+    if abs(fit.parameters[4] - other.parameters[4]) > _APART_S:
+        return True
+    step = fit.mapped(around) - other.mapped(around)
+    return float(np.sqrt((step**2).sum(axis=1).mean())) > _APART_M
+
+
+def _accident(best: Fit, real: list[Fit], decoys: list[Fit]) -> float:
+    """Probability that accident alone scores as high.
+
+    What fits the mirror image, or the wrong time, fits by accident. The best of many accidents has
+    a Gumbel distribution; its scale is the mean excess of the better half of them.
+    """
+    wrong = [fit.score for fit in decoys]
+    offset = best.parameters[4]
+    wrong += [f.score for f in real[1:] if abs(f.parameters[4] - offset) > _ELSEWHEN_S]
+    if not wrong:
+        return 0.0
+    scores = np.array(wrong)
+    scores = scores[scores >= np.median(scores)]
+    scale = max(_TAIL, float(scores.mean() - scores.min()))
+    return float(-np.expm1(-np.exp(-(best.score - scores.max()) / scale)))
+
+
+def _refusal(best: Fit, real: list[Fit], chance: float, b: Paths) -> str | None:
+    """Why the best alignment is not to be believed, if so."""
+    if best.score < _LEAST_SCORE:
+        return _NOBODY
+    around = _around(b)
+    rivals = [f for f in real[1:] if f.score > best.score - _MARGIN and _apart(f, best, around)]
+    if rivals:
+        return _in_words(best, rivals[0])
+    return _NOBODY if chance > _ACCIDENT else None
+
+
+def _in_words(best: Fit, rival: Fit) -> str:
+    turn = np.degrees(np.angle(np.exp(1j * (rival.parameters[2] - best.parameters[2]))))
+    later = rival.parameters[4] - best.parameters[4]
+    if abs(turn) > 30.0:
+        how = f"turned by {abs(turn):.0f}°"
+    elif abs(later) > _APART_S:
+        how = f"with the clocks {abs(later):.1f} s apart from that"
+    else:
+        how = "shifted along the way that people walk"
+    return f"the tracks fit as well {how}: who both cameras saw moved too much alike"
+
+
+def _untold(factor: Factor, found: list[Match]) -> str | None:
+    """What the people in common leave open, the cameras taken as exact."""
+    pose = factor.information[:4, :4] + np.diag([1e-4, 1e-4, 1e-2, 1e-6])
+    covariance = np.linalg.inv(pose)
+    middle = np.concatenate([match.xy_a for match in found]).mean(axis=0)
+    lever = middle - factor.at[:2]
+    at_people = np.zeros((2, 4))
+    at_people[:, :2] = np.eye(2)
+    at_people[:, 2] = -lever[1], lever[0]
+    spread = np.sqrt(np.linalg.eigvalsh(at_people @ covariance @ at_people.T)[-1])
+    sigma = np.sqrt(np.diag(covariance))
+    if sigma[3] > _MOST_SIGMA_S:
+        return (
+            f"the time offset is not determined (±{sigma[3]:.1f} s): "
+            "who both cameras saw walked steadily along one line, or stood"
+        )
+    if sigma[2] > _MOST_SIGMA_RAD:
+        return (
+            f"the heading is not determined (±{np.degrees(sigma[2]):.0f}°): "
+            "who both cameras saw hardly moved"
+        )
+    if spread > _MOST_SIGMA_M:
+        return f"the position is not determined (±{spread:.1f} m) by the people in common"
+    return None

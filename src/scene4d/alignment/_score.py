@@ -1,0 +1,276 @@
+"""How much better two cameras' tracks are explained as the same people than as different ones.
+
+A hypothesis maps camera b onto camera a. At every tick, each person of a and each of b are either
+one (their distance is that of two measurements) or two (the second is anywhere that people are,
+by how often they are there). The logarithm of that ratio is summed over the time two tracks share;
+positive sums are matches, each track with one other at a time. Who should have been seen by the
+other camera as well and was not counts against.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from scene4d.alignment._paths import STEP_S, Paths
+
+_NOISE_M = 0.25
+"""What two measurements of one person differ by beside the rows' own noise (m): feet from two
+sides, and bias of the track. Chosen between the errors of benchmarks.people_positions near and
+far."""
+_LEFT = 0.35
+"""Share of the cameras' own errors that shift, turn and scale leave (read off made worlds)."""
+_FACT_S = 4.0
+"""Time (s) after which two walkers' distance is a new fact: before, they keep their velocity."""
+_STILL = 0.1
+"""Worth of a moment in which nobody moves, as a share: the same fact again."""
+_WALK_MPS = 0.5
+"""Speed from which a moment counts in full (m/s)."""
+_WORST = -3.0
+"""Least log-ratio of one moment: tracks swap identities and detectors err."""
+_MISSED = 0.7
+"""Cost of a fact that only one camera saw where both see people: half of all people are missed at
+some moment by one of two cameras, ln 2."""
+_CELL_M = 1.0
+_MOST_CELLS = 300
+_MOST_MEETINGS = 40_000
+"""Moments looked at for one hypothesis; of more, whole minutes are left out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crowd:
+    """Paths in order of time, with where people are found at all."""
+
+    paths: Paths
+
+    @classmethod
+    def of(cls, paths: Paths) -> "Crowd":
+        """Sorted by tick."""
+        return cls(paths.taken(np.argsort(paths.tick, kind="stable")))
+
+    @cached_property
+    def ticks(self) -> tuple[int, int]:
+        """The first and last tick anybody was seen at."""
+        if not len(self.paths):
+            return 0, -1
+        return int(self.paths.tick[0]), int(self.paths.tick[-1])
+
+    @cached_property
+    def worth(self) -> Float[np.ndarray, "n"]:
+        """How much of a fact each row is."""
+        speed = np.linalg.norm(self.paths.velocity_mps, axis=1)
+        return STEP_S / _FACT_S * np.clip(speed / _WALK_MPS, _STILL, 1.0)
+
+    @cached_property
+    def _grid(self) -> tuple[Float[np.ndarray, "2"], float, Float[np.ndarray, "w h"]]:
+        """Lower corner, cell (m) and people per m² (sums to 1), smoothed over three cells."""
+        xy = self.paths.xy_m
+        low, high = np.quantile(xy, [0.001, 0.999], axis=0) if len(xy) else np.zeros((2, 2))
+        cell = max(_CELL_M, float((high - low).max()) / _MOST_CELLS)
+        low = low - 2 * cell
+        size = np.ceil((high - low) / cell).astype(int) + 3
+        at = np.floor((xy - low) / cell).astype(int)
+        inside = ((at >= 0) & (at < size)).all(axis=1)
+        count = np.zeros(tuple(size))
+        np.add.at(count, tuple(at[inside].T), 1.0)
+        padded = np.pad(count, 1)
+        w, h = count.shape
+        smooth = sum(padded[i : i + w, j : j + h] for i in range(3) for j in range(3)) / 9.0
+        return low, cell, smooth / max(count.sum(), 1.0) / cell**2
+
+    def density(self, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
+        """People per square metre at points: where a random one of this camera's would be."""
+        low, cell, grid = self._grid
+        at = np.floor((xy - low) / cell).astype(int)
+        inside = ((at >= 0) & (at < grid.shape)).all(axis=1)
+        found = np.zeros(len(xy))
+        found[inside] = grid[tuple(at[inside].T)]
+        return found
+
+    @cached_property
+    def own_density(self) -> Float[np.ndarray, "n"]:
+        """The density at each row."""
+        return np.maximum(self.density(self.paths.xy_m), 1e-6)
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A map from b to a: x, y, heading, log-scale, offset, as in a placement."""
+
+    parameters: Float[np.ndarray, "5"]
+    score: float = -np.inf
+
+    def mapped(self, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """Points of b in a's ground."""
+        mapped: np.ndarray = xy @ self.linear.T + self.parameters[:2]
+        return mapped
+
+    @property
+    def linear(self) -> Float[np.ndarray, "2 2"]:
+        """Rotation times scale."""
+        c, s = np.cos(self.parameters[2]), np.sin(self.parameters[2])
+        return float(np.exp(self.parameters[3])) * np.array([[c, -s], [s, c]])
+
+
+@dataclass(frozen=True, eq=False)
+class Matching:
+    """What a fit matches: rows of the two crowds, in moments of matched pairs of tracks."""
+
+    score: float
+    row_a: Int[np.ndarray, "m"]
+    row_b: Int[np.ndarray, "m"]
+    pair: Int[np.ndarray, "m"]
+    gain: Float[np.ndarray, "p"]
+    missed: float
+
+    @property
+    def pairs(self) -> int:
+        """How many pairs of tracks match."""
+        return len(self.gain)
+
+
+class Meetings:
+    """Rows of two cameras at one time, for whole shifts of the clocks, kept once worked out."""
+
+    def __init__(self, a: Crowd, b: Crowd, most: int = _MOST_MEETINGS) -> None:
+        self.a, self.b, self._most = a, b, most
+        self._kept: dict[int, tuple[np.ndarray, ...]] = {}
+
+    def at(self, shift: int) -> tuple[np.ndarray, ...]:
+        """Rows of a and b, their number of pair of tracks, and what the pairs' numbers mean."""
+        if shift not in self._kept:
+            self._kept[shift] = self._met(shift)
+        return self._kept[shift]
+
+    def _met(self, shift: int) -> tuple[np.ndarray, ...]:
+        tick_a, tick_b = self.a.paths.tick, self.b.paths.tick + shift
+        first = np.searchsorted(tick_b, tick_a, side="left")
+        count = np.searchsorted(tick_b, tick_a, side="right") - first
+        rows = np.flatnonzero(count)
+        if count.sum() > self._most:
+            minute = (tick_a[rows] * STEP_S // 60).astype(int)
+            every = int(np.ceil(count.sum() / self._most))
+            rows = rows[minute % every == 0]
+        first, count = first[rows], count[rows]
+        i = np.repeat(rows, count)
+        j = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
+        same = self.a.paths.kind[i] == self.b.paths.kind[j]
+        i, j = i[same], j[same]
+        who = self.a.paths.track[i].astype(np.int64) * (1 << 31) + self.b.paths.track[j]
+        _, pair = np.unique(who, return_inverse=True)
+        return i, j, pair
+
+    def matching(self, fit: Fit) -> Matching:
+        """The matches of a fit, and its score."""
+        offset = fit.parameters[4]
+        shift = round(offset / STEP_S)
+        i, j, pair = self.at(shift)
+        a, b = self.a.paths, self.b.paths
+        at_b = fit.mapped(b.xy_m + b.velocity_mps * (shift * STEP_S - offset))
+        step = a.xy_m[i] - at_b[j]
+        variance = (
+            _NOISE_M**2
+            + a.noise_m2[i]
+            + b.noise_m2[j]
+            + _LEFT**2 * (a.shared_m2[i] + b.shared_m2[j])
+        )
+        common = np.maximum(self.a.own_density[i], self.b.own_density[j])
+        ratio = -0.5 * (step**2).sum(axis=1) / variance - np.log(2 * np.pi * variance * common)
+        worth = np.maximum(self.a.worth[i], self.b.worth[j])
+        gain = np.bincount(pair, worth * np.maximum(ratio, _WORST))
+        row, of = self._one_to_one(i, j, pair, gain)
+        total = float(gain[np.unique(of)].sum())
+        missed = self._missed(i[row], j[row], at_b, shift, fit)
+        named, numbers = np.unique(of, return_inverse=True)
+        return Matching(total - missed, i[row], j[row], numbers, gain[named], missed)
+
+    def _one_to_one(
+        self, i: np.ndarray, j: np.ndarray, pair: np.ndarray, gain: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Moments of pairs that gain, each row of a track in the pair that gains most for it, and
+        only where it is so for both.
+        """
+        row = np.flatnonzero(gain[pair] > 0)
+        worth = gain[pair[row]]
+        best_a = np.zeros(len(self.a.paths))
+        best_b = np.zeros(len(self.b.paths))
+        np.maximum.at(best_a, i[row], worth)
+        np.maximum.at(best_b, j[row], worth)
+        kept = (worth >= best_a[i[row]]) & (worth >= best_b[j[row]])
+        row = row[kept]
+        # A pair that keeps but a remnant of its moments is no match.
+        had = np.bincount(pair, minlength=len(gain))
+        has = np.bincount(pair[row], minlength=len(gain))
+        row = row[2 * has[pair[row]] >= had[pair[row]]]
+        return row, pair[row]
+
+    def _missed(
+        self, i: np.ndarray, j: np.ndarray, at_b: np.ndarray, shift: int, fit: Fit
+    ) -> float:
+        """What it costs that people were seen by one camera only, where both see people."""
+        a, b = self.a, self.b
+        alone_b = _others(len(b.paths), j) & _within(b.paths.tick + shift, a.ticks)
+        alone_a = _others(len(a.paths), i) & _within(a.paths.tick - shift, b.ticks)
+        there = a.density(at_b[alone_b]) > 0
+        cost = b.worth[alone_b][there].sum()
+        back = (a.paths.xy_m[alone_a] - fit.parameters[:2]) @ np.linalg.inv(fit.linear).T
+        cost += a.worth[alone_a][b.density(back) > 0].sum()
+        return _MISSED * float(cost)
+
+
+def _others(n: int, rows: np.ndarray) -> Bool[np.ndarray, "n"]:
+    others = np.ones(n, bool)
+    others[rows] = False
+    return others
+
+
+def _within(tick: np.ndarray, ticks: tuple[int, int]) -> Bool[np.ndarray, "n"]:
+    within: np.ndarray = (tick >= ticks[0]) & (tick <= ticks[1])
+    return within
+
+
+_FIT_SIGMA = np.array([np.inf, np.inf, np.inf, 0.1, np.inf])
+"""Prior of a fit: the log-scale."""
+_LONGEST_STEP_S = 1.0
+
+
+def fitted(meetings: Meetings, fit: Fit, steps: int = 4) -> Fit:
+    """The fit moved to the nearest best one: Gauss-Newton over its matches, matched anew each time.
+
+    Returns the best met on the way, with its score.
+    """
+    best = Fit(fit.parameters, meetings.matching(fit).score)
+    here = fit
+    for _ in range(steps):
+        matching = meetings.matching(here)
+        if matching.score > best.score:
+            best = Fit(here.parameters, matching.score)
+        if len(matching.row_a) < 4:
+            break
+        here = Fit(here.parameters + _step(meetings, here, matching))
+    score = meetings.matching(here).score
+    return Fit(here.parameters, score) if score > best.score else best
+
+
+def _step(meetings: Meetings, fit: Fit, matching: Matching) -> Float[np.ndarray, "5"]:
+    a, b = meetings.a.paths.taken(matching.row_a), meetings.b.paths.taken(matching.row_b)
+    offset = fit.parameters[4]
+    seen = b.xy_m + b.velocity_mps * (a.tick * STEP_S - offset - b.tick * STEP_S)[:, None]
+    turned, moving = seen @ fit.linear.T, b.velocity_mps @ fit.linear.T
+    step = a.xy_m - turned - fit.parameters[:2]
+    turned = turned + step / 2  # between the two: else noise shrinks the scale
+    jacobian = np.zeros((len(step), 2, 5))
+    jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
+    jacobian[:, 0, 2], jacobian[:, 1, 2] = -turned[:, 1], turned[:, 0]
+    jacobian[:, :, 3] = turned
+    jacobian[:, :, 4] = -moving
+    variance = _NOISE_M**2 + a.noise_m2 + b.noise_m2 + _LEFT**2 * (a.shared_m2 + b.shared_m2)
+    q = (step**2).sum(axis=1) / variance
+    weight = (STEP_S / _FACT_S) / variance / (1 + q / 4)
+    normal = np.einsum("nap,n,naq->pq", jacobian, weight, jacobian) + np.diag(_FIT_SIGMA**-2.0)
+    normal += np.diag([1e-3, 1e-3, 1e-2, 0.0, 1e-2])  # what nothing tells stays where it is
+    force = np.einsum("nap,n,na->p", jacobian, weight, step) - fit.parameters * _FIT_SIGMA**-2.0
+    moved: np.ndarray = np.linalg.solve(normal, force)
+    moved[4] = np.clip(moved[4], -_LONGEST_STEP_S, _LONGEST_STEP_S)
+    return moved

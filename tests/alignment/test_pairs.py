@@ -1,0 +1,80 @@
+"""Where a second camera lies to the first, from made sites with known truth; and refusals."""
+
+import numpy as np
+import pytest
+
+from alignment.worlds import Walk, made_site, sampled
+from scene4d.alignment._graph import solve
+from scene4d.alignment._pairs import link
+from scene4d.alignment._paths import view_of
+
+
+def views(site):
+    return [view_of(one.name, one.tracks, one.calibration) for one in site.seen]
+
+
+def errors(placement, truth):
+    """Estimate less truth, and the same in standard deviations."""
+    apart = placement.parameters - truth.parameters
+    apart[2] = np.angle(np.exp(1j * apart[2]))
+    return apart, apart / np.sqrt(np.diag(placement.covariance))
+
+
+@pytest.mark.parametrize("seed", [3, 6])
+def test_finds_place_and_clock_from_people_alone(seed):
+    site = made_site(seed)
+    a, b = views(site)
+    found = link(a, b)
+    assert found, found.reason
+    placement = solve([a, b], [found]).placements[1]
+    apart, sigmas = errors(placement, site.seen[1].truth)
+    assert abs(apart[4]) < 0.15
+    assert abs(apart[2]) < np.radians(5)
+    assert np.all(np.abs(sigmas) < 3.5)
+    assert found.accident < 1e-3
+
+
+def test_pairs_of_tracks_show_one_person():
+    site = made_site(6)
+    found = link(*views(site))
+    person = [dict(zip(s.tracks.track.tolist(), s.who.tolist(), strict=True)) for s in site.seen]
+    right = [person[0][a] == person[1][b] for a, b, _ in found.pairs]
+    assert len(right) > 5
+    assert np.mean(right) > 0.9
+
+
+def test_the_other_way_round_is_the_inverse():
+    site = made_site(6)
+    a, b = views(site)
+    there = solve([a, b], [link(a, b)]).placements[1]
+    back = solve([b, a], [link(b, a)]).placements[1]
+    assert abs(there.time_offset_s + back.time_offset_s) < 0.05
+    assert abs(np.angle(np.exp(1j * (there.heading_rad + back.heading_rad)))) < 0.01
+    reach = [np.hypot(one.x_m, one.y_m) for one in (there, back)]
+    assert reach[0] == pytest.approx(reach[1], rel=0.01)
+
+
+def test_cameras_that_share_nobody_are_refused():
+    site = made_site(2, overlap=-1.5, minutes=3.0)
+    found = link(*views(site))
+    assert not found
+    assert "share nobody" in found.reason
+
+
+def _alone(walks, **options):
+    return link(*views(made_site(5, walks=walks, missed=0.0, false=0.0, minutes=1.0, **options)))
+
+
+def test_one_who_stands_is_refused():
+    standing = Walk(np.arange(0, 60, 0.2), np.tile([4.0, 0.5], (300, 1)))
+    assert "nobody walks" in _alone([standing]).reason
+
+
+def test_one_who_walks_steadily_along_a_line_is_refused():
+    steady = sampled(np.array([0.0, 20.0]), np.array([[-9.0, 0.0], [17.0, 0.5]]))
+    assert not _alone([steady])
+
+
+def test_a_camera_without_tracks_is_named():
+    site = made_site(3, walks=[Walk(np.arange(0, 9, 0.2), np.full((45, 2), 900.0))], false=0.0)
+    assert "tracked nobody" in link(*views(site)).reason
