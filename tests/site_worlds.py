@@ -49,7 +49,7 @@ class Walker:
 
 
 def place(x: float, y: float, heading_deg: float, scale: float = 1.0, offset_s: float = 0.0):
-    return Placement(x, y, np.radians(heading_deg), scale, offset_s)
+    return Placement(float(x), float(y), float(np.radians(heading_deg)), scale, offset_s)
 
 
 def strolls(n: int, seconds: float, extent_m: float, seed: int = 0) -> list[Walker]:

@@ -27,7 +27,7 @@ def fused(parts: Sequence[Tracks], step_s: float) -> Tracks:
     belong to one picture and are left out; other columns are those of the surest camera.
     """
     known = [part.select(np.isfinite(part.xy_m).all(axis=1)) for part in parts]
-    placed = [_at_ticks(_without_picture(part), step_s) for part in known]
+    placed = [at_ticks(_without_picture(part), step_s) for part in known]
     rows = Tracks.concatenate([one for one, _ in placed])
     tick = np.concatenate([ticks for _, ticks in placed])
     total = rows.covariance_m2 + rows.shared_covariance_m2
@@ -40,7 +40,7 @@ def fused(parts: Sequence[Tracks], step_s: float) -> Tracks:
     return _told(_merged(rows, first), tick[first], step_s)
 
 
-def _at_ticks(tracks: Tracks, step_s: float) -> tuple[Tracks, Int[np.ndarray, "m"]]:
+def at_ticks(tracks: Tracks, step_s: float) -> tuple[Tracks, Int[np.ndarray, "m"]]:
     """The nearest row for each moment that a track lasts, moved there by its velocity."""
     if not len(tracks):
         return tracks, np.zeros(0, int)
