@@ -208,9 +208,9 @@ def _seen(rng, name, true, pose, first, walks, seconds, clock, rate, missed, fal
             said, valid = stated.locate(uv)
             if len(said) < 5 or not valid.all():
                 continue
-            rows.append((number, person, frames[part], at_part, said))
+            rows.append((number, person, frames[part], at_part, said, world[part]))
             number += 1
-    truth = _truth(pose, first, step, offset)
+    truth = _truth(pose, first, rows, offset)
     return Seen(name, _tracks(rows), calibration, true, truth, _column(rows, 1))
 
 
@@ -253,10 +253,14 @@ def _errors(rng, at):
     return error + NOISE_M * rng.standard_normal((n, 2))
 
 
-def _truth(pose, first, step, offset):
-    """The camera in the first one's frame; the scale makes reported metres true ones."""
+def _truth(pose, first, rows, offset):
+    """The camera in the first one's frame; the scale makes reported metres true ones, on average
+    over the tracks.
+    """
     x, y = _into(first, pose[None, :2])[0]
-    return Placement(float(x), float(y), float(pose[2] - first[2]), float(np.exp(-step[3])), offset)
+    said, true = (np.concatenate([row[k] for row in rows] or [np.ones((1, 2))]) for k in (4, 5))
+    scale = (said * true).sum() / (said**2).sum()
+    return Placement(float(x), float(y), float(pose[2] - first[2]), float(scale), offset)
 
 
 def _column(rows, k):

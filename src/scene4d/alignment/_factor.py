@@ -25,7 +25,7 @@ POSE = 5
 DRIFT_SIGMA = 3e-4
 """Prior of the clocks' difference in rate: frame rates are rounded and crystals err (chosen: 29.97
 for 30 is found as three sigma, two crystals are 5e-5)."""
-_WANDER_M = 0.15
+_WANDER_M = 0.17
 """Standard deviation of what a track's positions in two cameras differ by for seconds (m)."""
 _WANDER_S = 5.0
 """How long that stays (s). Both chosen: about one turn of a walker as two cameras see him."""

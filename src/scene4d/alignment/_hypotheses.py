@@ -10,7 +10,7 @@ a time offset, a heading and a shift; people in common vote alike.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from scene4d.alignment._paths import STEP_S, Paths
 
@@ -24,8 +24,12 @@ _SCALE_SIGMA = 0.1
 """Log-scale difference of two cameras: both heights err by 5 to 10 %."""
 _REACH = 9.0
 """Matches of a larger normalised remainder do not vote (chi-squared of a few facts)."""
-_PRODUCTS = 4_000_000
-"""Most comparisons per length of stretch; more ways do not change what is found."""
+_PRODUCTS = 2_000_000
+"""Most comparisons per length of stretch. Of busier footage some spans of time are taken, whole, for
+people in common are met together."""
+_SPAN_S = 30.0
+_BLOCK = 500_000
+"""Comparisons in memory at once."""
 _MOST_VOTES = 60_000
 _BIN = np.array([1.0, np.radians(15.0), 1.5, 1.5])
 """Width of a ballot's box: seconds, radians, metres at the middle of the people."""
@@ -49,23 +53,27 @@ class Hypotheses:
 
 @dataclass(frozen=True, eq=False)
 class _Stretches:
-    """Stretches of one length: centred shape as complex numbers (n, length), and its middle."""
+    """Stretches of one length: centred shape as complex numbers (n, length), its mean square, and
+    its middle.
+    """
 
     shape: np.ndarray
+    energy: np.ndarray
     middle: np.ndarray
     tick: np.ndarray
     track: np.ndarray
     kind: np.ndarray
     noise_m2: np.ndarray
 
-    def taken(self, rows: np.ndarray) -> "_Stretches":
-        names = ("shape", "middle", "tick", "track", "kind", "noise_m2")
+    def taken(self, rows: np.ndarray | slice) -> "_Stretches":
+        names = ("shape", "energy", "middle", "tick", "track", "kind", "noise_m2")
         return _Stretches(*(getattr(self, name)[rows] for name in names))
 
 
 def hypotheses(a: Paths, b: Paths, offsets_s: tuple[float, float]) -> Hypotheses:
     """The alignments for which most votes were cast, best first."""
     pivot = complex(*b.xy_m.mean(axis=0)) if len(b) else 0j
+    a, b = _spans(a, b, offsets_s)
     ballots = [_ballots(a, b, length, offsets_s, pivot) for length in _LENGTHS]
     vote = np.concatenate([ballot[0] for ballot in ballots])
     who = np.concatenate([ballot[1] for ballot in ballots])
@@ -76,22 +84,45 @@ def hypotheses(a: Paths, b: Paths, offsets_s: tuple[float, float]) -> Hypotheses
     return _counted(vote, who, weight, pivot)
 
 
-def _stretches(paths: Paths, length: int) -> _Stretches:
-    """All stretches of one length that move, begun at every tick."""
+def _spans(a: Paths, b: Paths, offsets_s: tuple[float, float]) -> tuple[Paths, Paths]:
+    """Both cameras in spans of camera a's time that can be compared in full, and what lies within
+    the offsets of them.
+    """
+    low, high = np.array(offsets_s) / STEP_S
+    ticks = np.sort(b.tick)
+    work = np.searchsorted(ticks, a.tick - low, "right") - np.searchsorted(ticks, a.tick - high)
+    work = work / (min(_LENGTHS) // 3)
+    if work.sum() <= _PRODUCTS:
+        return a, b
+    spans, of = np.unique(np.floor(a.tick * STEP_S / _SPAN_S), return_inverse=True)
+    order = np.random.default_rng(len(a)).permutation(len(spans))
+    fits = np.cumsum(np.bincount(of, work)[order]) <= _PRODUCTS
+    kept = a.taken(np.isin(of, order[: max(1, int(fits.sum()))]))
+    near = np.zeros(len(b), bool)
+    for span in np.unique(np.floor(kept.tick * STEP_S / _SPAN_S)):
+        first, last = span * _SPAN_S / STEP_S, (span + 1) * _SPAN_S / STEP_S
+        near |= (b.tick >= first - high) & (b.tick <= last - low)
+    return kept, b.taken(near)
+
+
+def _stretches(paths: Paths, length: int, stride: int) -> _Stretches:
+    """Stretches of one length that move, begun every few ticks."""
     n = len(paths) - length + 1
-    if n <= 0:
-        start = np.zeros(0, int)
-    else:
-        start = np.flatnonzero(paths.piece[:n] == paths.piece[length - 1 :])
-    z = paths.xy_m[:, 0] + 1j * paths.xy_m[:, 1]
+    start = np.flatnonzero(paths.piece[: max(n, 0)] == paths.piece[length - 1 :])
+    start = start[paths.tick[start] % stride == 0]
+    whole = paths.tick[start + length - 1] - paths.tick[start] == length - 1
+    start = start[whole]
+    z = (paths.xy_m[:, 0] + 1j * paths.xy_m[:, 1]).astype(np.complex64)
     shape = z[start[:, None] + np.arange(length)]
     middle = shape.mean(axis=1)
     shape = shape - middle[:, None]
-    moves = (np.abs(shape) ** 2).mean(axis=1) > _LEAST_EXTENT_M**2
+    energy = (shape.real**2 + shape.imag**2).mean(axis=1)
+    moves = energy > _LEAST_EXTENT_M**2
     start = start[moves]
     return _Stretches(
-        shape[moves].astype(np.complex64),
-        middle[moves],
+        shape[moves],
+        energy[moves],
+        middle[moves].astype(complex),
         paths.tick[start] + (length - 1) / 2,
         paths.track[start],
         paths.kind[start],
@@ -100,29 +131,22 @@ def _stretches(paths: Paths, length: int) -> _Stretches:
 
 
 def _ballots(
-    a: Paths,
-    b: Paths,
-    length: int,
-    offsets_s: tuple[float, float],
-    pivot: complex,
+    a: Paths, b: Paths, length: int, offsets_s: tuple[float, float], pivot: complex
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Votes (m, 4), the pairs of tracks that cast them (m,), and their weights (m,)."""
-    of_a, of_b = _stretches(a, length), _stretches(b, length)
-    of_a = of_a.taken(_thinned(len(of_a.tick), length // 3))
+    of_a = _stretches(a, length, length // 3)
+    of_b = _stretches(b, length, 1)
+    of_a, of_b = (one.taken(np.argsort(one.tick, kind="stable")) for one in (of_a, of_b))
     low, high = np.array(offsets_s) / STEP_S
-    order = np.argsort(of_b.tick, kind="stable")
-    of_b = of_b.taken(order)
     first = np.searchsorted(of_b.tick, of_a.tick - high)
     last = np.searchsorted(of_b.tick, of_a.tick - low, side="right")
-    total = int((last - first).sum())
-    if total > _PRODUCTS:
-        chosen = _busiest(of_a.tick, last - first)
-        of_a, first, last = of_a.taken(chosen), first[chosen], last[chosen]
     parts = []
-    for rows in _blocks(of_a.tick, first, last):
+    size = max(1, _BLOCK // max(1, int((last - first).max(initial=1))))
+    for k in range(0, len(of_a.tick), size):
+        rows = np.arange(k, min(k + size, len(of_a.tick)))
         begin, end = int(first[rows].min()), int(last[rows].max())
         if end > begin:
-            parts.append(_matches(of_a.taken(rows), of_b.taken(np.arange(begin, end)), (low, high)))
+            parts.append(_matches(of_a.taken(rows), of_b.taken(slice(begin, end)), (low, high)))
     if not parts:
         return np.zeros((0, 4)), np.zeros(0, np.int64), np.zeros(0)
     offset, heading, shift_a, shift_b, who, weight = map(np.concatenate, zip(*parts, strict=True))
@@ -131,58 +155,29 @@ def _ballots(
     return vote, who, weight
 
 
-def _thinned(n: int, stride: int) -> Int[np.ndarray, "m"]:
-    return np.arange(0, n, max(1, stride))
-
-
-def _busiest(tick: np.ndarray, work: np.ndarray) -> np.ndarray:
-    """Rows of a stretch of time, or of few, that hold as much work as is affordable.
-
-    People in common are met together, so whole spans are kept and not rows here and there.
-    """
-    span = np.floor(tick / (120.0 / STEP_S)).astype(int)
-    spans, of = np.unique(span, return_inverse=True)
-    amount = np.bincount(of, work)
-    rng = np.random.default_rng(len(tick))
-    order = rng.permutation(len(spans))
-    fits = np.cumsum(amount[order]) <= _PRODUCTS
-    kept = order[: max(1, int(fits.sum()))]
-    rows = np.flatnonzero(np.isin(of, kept))
-    if work[rows].sum() > _PRODUCTS:
-        rows = rows[:: int(np.ceil(work[rows].sum() / _PRODUCTS))]
-    return rows
-
-
-def _blocks(tick: np.ndarray, first: np.ndarray, last: np.ndarray) -> list[np.ndarray]:
-    """Rows in order of time, in blocks whose matrices stay small."""
-    order = np.argsort(tick, kind="stable")
-    size = max(1, int(1_000_000 / max(1, int((last - first).max(initial=1)))))
-    return [order[k : k + size] for k in range(0, len(order), size)]
-
-
 def _matches(
     a: _Stretches, b: _Stretches, ticks: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Offsets, headings, both middles, pairs of tracks and weights of stretches of one shape."""
     length = a.shape.shape[1]
-    energy_a = (np.abs(a.shape) ** 2).sum(axis=1) / length
-    energy_b = (np.abs(b.shape) ** 2).sum(axis=1) / length
-    g = a.shape @ b.shape.conj().T / length
-    size = np.abs(g)
-    alike = size / np.sqrt(energy_a[:, None] * energy_b[None])
-    noise = 2 * _JITTER_M**2 + a.noise_m2[:, None] + b.noise_m2[None]
-    unlike = energy_a[:, None] * (1 - alike**2)
-    growth = np.log(size / energy_b[None]) / _SCALE_SIGMA
-    remainder = unlike * (length / 4) / noise + growth**2
-    offset = a.tick[:, None] - b.tick[None]
-    there = (offset >= ticks[0]) & (offset <= ticks[1]) & (a.kind[:, None] == b.kind[None])
-    near = (remainder < _REACH) & there
-    i, j = np.nonzero(near)
+    g = a.shape @ b.shape.conj().T / np.float32(length)
+    noise = 2 * _JITTER_M**2 + a.noise_m2 + np.median(b.noise_m2)
+    # What remains of a's energy beside b's shape, |g|² / energy_b, is noise: cheap, so it is first.
+    least = np.maximum(a.energy - _REACH * noise * 4 / length, 0.25 * a.energy)
+    i, j = np.nonzero(g.real**2 + g.imag**2 > np.outer(least, b.energy).astype(np.float32))
+    offset = a.tick[i] - b.tick[j]
+    size = np.abs(g[i, j])
+    unlike = a.energy[i] - size**2 / b.energy[j]
+    growth = np.log(size / b.energy[j]) / _SCALE_SIGMA
+    remainder = np.maximum(unlike, 0.0) * (length / 4) / noise[i] + growth**2
+    near = (remainder < _REACH) & (a.kind[i] == b.kind[j])
+    near &= (offset >= ticks[0]) & (offset <= ticks[1])
+    i, j, offset, remainder = i[near], j[near], offset[near], remainder[near]
     # A stretch that matches whatever comes tells nothing: how rarely it does is its worth.
-    rare = np.log((there.sum(axis=1) + 1.0) / (near.sum(axis=1) + 1.0))
-    weight = rare[i] * (1 - remainder[i, j] / _REACH)
+    rare = np.log((len(b.tick) + 1.0) / (np.bincount(i, minlength=len(a.tick)) + 1.0))
+    weight = rare[i] * (1 - remainder / _REACH)
     who = a.track[i].astype(np.int64) * (1 << 31) + b.track[j]
-    return offset[i, j] * STEP_S, np.angle(g[i, j]), a.middle[i], b.middle[j], who, weight
+    return offset * STEP_S, np.angle(g[i, j]), a.middle[i], b.middle[j], who, weight
 
 
 def _counted(vote: np.ndarray, who: np.ndarray, weight: np.ndarray, pivot: complex) -> Hypotheses:

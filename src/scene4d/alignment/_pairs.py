@@ -10,11 +10,11 @@ from scene4d.alignment._hypotheses import hypotheses
 from scene4d.alignment._paths import Paths, View
 from scene4d.alignment._score import Crowd, Fit, Meetings, fitted
 
-MAX_OFFSET_S = 600.0
-"""Clocks are set to within ten minutes of each other, unless it is known better."""
-_FITTED = 12
+MAX_OFFSET_S = 300.0
+"""Clocks are set to within five minutes of each other, unless it is known better."""
+_FITTED = 10
 """Candidates of the vote that are moved to their best; more found nothing new on made worlds."""
-_SCANNED = 12_000
+_SCANNED = 8_000
 """Moments by which candidates are compared before that."""
 _LEAST_SCORE = 10.0
 """Least log-ratio of an alignment: e^10 against the thousands of places that were tried."""
@@ -24,6 +24,8 @@ _MARGIN = 5.0
 """Log-ratio by which an alignment must beat its rivals."""
 _TAIL = 1.5
 """Least scale of the tail of accidental scores."""
+_EXTREMES = 5
+"""Accidental scores that tell that scale."""
 _APART_M, _APART_S = 1.5, 1.5
 """Alignments that put people further apart than this, or at other times, are rivals."""
 _ELSEWHEN_S = 5.0
@@ -142,17 +144,16 @@ def _accident(best: Fit, real: list[Fit], decoys: list[Fit]) -> float:
     """Probability that accident alone scores as high.
 
     What fits the mirror image, or the wrong time, fits by accident. The best of many accidents has
-    a Gumbel distribution; its scale is the mean excess of the better half of them.
+    a Gumbel distribution, whose scale is the mean excess of the few best over the next.
     """
-    wrong = [fit.score for fit in decoys]
     offset = best.parameters[4]
+    wrong = [fit.score for fit in decoys]
     wrong += [f.score for f in real[1:] if abs(f.parameters[4] - offset) > _ELSEWHEN_S]
     if not wrong:
         return 0.0
-    scores = np.array(wrong)
-    scores = scores[scores >= np.median(scores)]
-    scale = max(_TAIL, float(scores.mean() - scores.min()))
-    return float(-np.expm1(-np.exp(-(best.score - scores.max()) / scale)))
+    scores = np.sort(wrong)[::-1][: _EXTREMES + 1]
+    scale = max(_TAIL, float(scores.mean() - scores[-1]))
+    return float(-np.expm1(-np.exp(-(best.score - scores[0]) / scale)))
 
 
 def _refusal(best: Fit, real: list[Fit], chance: float, b: Paths) -> str | None:

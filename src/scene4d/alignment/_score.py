@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from scene4d.alignment._paths import STEP_S, Paths
 
@@ -48,13 +48,6 @@ class Crowd:
     def of(cls, paths: Paths) -> "Crowd":
         """Sorted by tick."""
         return cls(paths.taken(np.argsort(paths.tick, kind="stable")))
-
-    @cached_property
-    def ticks(self) -> tuple[int, int]:
-        """The first and last tick anybody was seen at."""
-        if not len(self.paths):
-            return 0, -1
-        return int(self.paths.tick[0]), int(self.paths.tick[-1])
 
     @cached_property
     def worth(self) -> Float[np.ndarray, "n"]:
@@ -138,36 +131,40 @@ class Meetings:
         self._kept: dict[int, tuple[np.ndarray, ...]] = {}
 
     def at(self, shift: int) -> tuple[np.ndarray, ...]:
-        """Rows of a and b, their number of pair of tracks, and what the pairs' numbers mean."""
+        """Rows of a and b that meet, the number of their pair of tracks, and all rows of a and of
+        b in the minutes that are looked at while both cameras record.
+        """
         if shift not in self._kept:
             self._kept[shift] = self._met(shift)
         return self._kept[shift]
 
     def _met(self, shift: int) -> tuple[np.ndarray, ...]:
         tick_a, tick_b = self.a.paths.tick, self.b.paths.tick + shift
-        first = np.searchsorted(tick_b, tick_a, side="left")
-        count = np.searchsorted(tick_b, tick_a, side="right") - first
-        rows = np.flatnonzero(count)
+        all_a, all_b = _during(tick_a, tick_b), _during(tick_b, tick_a)
+        first = np.searchsorted(tick_b, tick_a[all_a], side="left")
+        count = np.searchsorted(tick_b, tick_a[all_a], side="right") - first
         if count.sum() > self._most:
-            minute = (tick_a[rows] * STEP_S // 60).astype(int)
             every = int(np.ceil(count.sum() / self._most))
-            rows = rows[minute % every == 0]
-        first, count = first[rows], count[rows]
-        i = np.repeat(rows, count)
+            looked = _minute(tick_a[all_a]) % every == 0
+            all_a, first, count = all_a[looked], first[looked], count[looked]
+            all_b = all_b[_minute(tick_b[all_b]) % every == 0]
+        i = np.repeat(all_a, count)
         j = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
         same = self.a.paths.kind[i] == self.b.paths.kind[j]
         i, j = i[same], j[same]
         who = self.a.paths.track[i].astype(np.int64) * (1 << 31) + self.b.paths.track[j]
         _, pair = np.unique(who, return_inverse=True)
-        return i, j, pair
+        return i, j, pair, all_a, all_b
 
     def matching(self, fit: Fit) -> Matching:
         """The matches of a fit, and its score."""
         offset = fit.parameters[4]
         shift = round(offset / STEP_S)
-        i, j, pair = self.at(shift)
+        i, j, pair, all_a, all_b = self.at(shift)
         a, b = self.a.paths, self.b.paths
-        at_b = fit.mapped(b.xy_m + b.velocity_mps * (shift * STEP_S - offset))
+        at_b = np.zeros((len(b), 2))
+        seen = b.xy_m[all_b] + b.velocity_mps[all_b] * (shift * STEP_S - offset)
+        at_b[all_b] = fit.mapped(seen)
         step = a.xy_m[i] - at_b[j]
         variance = (
             _NOISE_M**2
@@ -181,7 +178,8 @@ class Meetings:
         gain = np.bincount(pair, worth * np.maximum(ratio, _WORST))
         row, of = self._one_to_one(i, j, pair, gain)
         total = float(gain[np.unique(of)].sum())
-        missed = self._missed(i[row], j[row], at_b, shift, fit)
+        alone_a, alone_b = _others(len(a), all_a, i[row]), _others(len(b), all_b, j[row])
+        missed = self._missed(alone_a, alone_b, at_b[alone_b], fit)
         named, numbers = np.unique(of, return_inverse=True)
         return Matching(total - missed, i[row], j[row], numbers, gain[named], missed)
 
@@ -206,28 +204,34 @@ class Meetings:
         return row, pair[row]
 
     def _missed(
-        self, i: np.ndarray, j: np.ndarray, at_b: np.ndarray, shift: int, fit: Fit
+        self, alone_a: np.ndarray, alone_b: np.ndarray, at_b: np.ndarray, fit: Fit
     ) -> float:
         """What it costs that people were seen by one camera only, where both see people."""
         a, b = self.a, self.b
-        alone_b = _others(len(b.paths), j) & _within(b.paths.tick + shift, a.ticks)
-        alone_a = _others(len(a.paths), i) & _within(a.paths.tick - shift, b.ticks)
-        there = a.density(at_b[alone_b]) > 0
-        cost = b.worth[alone_b][there].sum()
+        cost = b.worth[alone_b][a.density(at_b) > 0].sum()
         back = (a.paths.xy_m[alone_a] - fit.parameters[:2]) @ np.linalg.inv(fit.linear).T
         cost += a.worth[alone_a][b.density(back) > 0].sum()
         return _MISSED * float(cost)
 
 
-def _others(n: int, rows: np.ndarray) -> Bool[np.ndarray, "n"]:
-    others = np.ones(n, bool)
-    others[rows] = False
-    return others
+def _during(tick: np.ndarray, other: np.ndarray) -> Int[np.ndarray, "m"]:
+    """Rows from the first to the last of the other camera's ticks; both are in order."""
+    if not len(other):
+        return np.zeros(0, int)
+    return np.arange(*np.searchsorted(tick, [other[0], other[-1] + 1]))
 
 
-def _within(tick: np.ndarray, ticks: tuple[int, int]) -> Bool[np.ndarray, "n"]:
-    within: np.ndarray = (tick >= ticks[0]) & (tick <= ticks[1])
-    return within
+def _minute(tick: np.ndarray) -> np.ndarray:
+    minute: np.ndarray = np.floor(tick * (STEP_S / 60.0)).astype(int)
+    return minute
+
+
+def _others(n: int, of: np.ndarray, without: np.ndarray) -> Int[np.ndarray, "m"]:
+    """These rows of n without some."""
+    others = np.zeros(n, bool)
+    others[of] = True
+    others[without] = False
+    return np.flatnonzero(others)
 
 
 _FIT_SIGMA = np.array([np.inf, np.inf, np.inf, 0.1, np.inf])
@@ -235,7 +239,7 @@ _FIT_SIGMA = np.array([np.inf, np.inf, np.inf, 0.1, np.inf])
 _LONGEST_STEP_S = 1.0
 
 
-def fitted(meetings: Meetings, fit: Fit, steps: int = 4) -> Fit:
+def fitted(meetings: Meetings, fit: Fit, steps: int = 3) -> Fit:
     """The fit moved to the nearest best one: Gauss-Newton over its matches, matched anew each time.
 
     Returns the best met on the way, with its score.
