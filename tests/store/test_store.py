@@ -338,6 +338,53 @@ def test_a_committed_run_ends_as_one_that_was_written_at_once(tmp_path):
     assert not list((tmp_path / "a/runs").glob(".r*"))
 
 
+STREAM = """
+import sys
+from stored_scenes import walk, writer
+out = writer(sys.argv[1], run="stream")
+out._live = True
+for seed in range(3):
+    out.write(walk(30, seed=seed, start_s=100.0 * seed))
+    out.commit(walk(9, seed=9, start_s=1000.0 * seed))
+out._stage_all([walk(9)])
+print("ready", flush=True)
+sys.stdin.readline()
+"""
+
+
+def test_the_next_writer_clears_away_what_a_killed_stream_left(tmp_path):
+    """Of the two, only what the manifest names: another process was killed while it wrote."""
+    with subprocess.Popen(
+        [sys.executable, "-c", STREAM, str(tmp_path)],
+        cwd=Path(__file__).parent,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as stream:
+        assert stream.stdout.readline() == "ready\n"
+        stream.kill()
+    left, published = files(tmp_path), table(tmp_path, "stream")
+    assert [name for name in left if name.startswith("runs/.stream/")]
+    store(tmp_path, walk(60))
+    found, (first, _) = files(tmp_path), complete_runs(tmp_path)
+    assert [name for name in found if "stream" in name] == [
+        "runs/stream.json",
+        *sorted(part.path for part in first.parts),
+    ]
+    assert len([name for name in left if name.endswith(".parquet")]) > 2 * len(first.parts)
+    assert table(tmp_path, "stream").equals(published)
+
+
+def test_a_killed_first_attempt_keeps_its_numbers_and_nothing_else(tmp_path):
+    out = writer(tmp_path)
+    out.write(walk(100))
+    die(out)
+    store(tmp_path, walk(50), run="q")
+    assert not [path for path in tmp_path.glob("runs/.r/*")]
+    store(tmp_path, walk(100))
+    assert [run.run for run in complete_runs(tmp_path)] == ["r", "q"]
+
+
 def test_an_exception_leaves_what_was_committed(tmp_path):
     with pytest.raises(ZeroDivisionError), writer(tmp_path) as out:
         out.write(walk(90))
@@ -456,6 +503,16 @@ def test_a_link_is_not_followed(tmp_path, name):
     with suppress(OutputError, InputError):
         store(folder, walk(30))
     assert victim.read_text() == "precious"
+
+
+@pytest.mark.parametrize("name", [".r", ".r.claim", ".r.lock"])
+def test_a_link_where_a_run_is_written_is_refused(tmp_path, name):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "s/runs").mkdir(parents=True)
+    (tmp_path / "s/runs" / name).symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match=f"{name}: is a symbolic link, which is not followed"):
+        writer(tmp_path / "s")
+    assert not list((tmp_path / "elsewhere").iterdir())
 
 
 @pytest.mark.parametrize(

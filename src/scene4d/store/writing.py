@@ -5,13 +5,13 @@ and count once the manifest names them; the files they replace are removed after
 at any moment therefore leaves the scene as it was at the last commit. Recorded footage is committed
 once, at its end; a stream every second, with its provisional rows, which the next commit replaces.
 Until a stream's part is full its name is hidden (``.RUN-00007.parquet``), and a part that was
-replaced stays for half a minute, for those who have opened the scene. Readers that ignore manifests
+replaced stays for half a minute, for those who have opened the scene. What a killed writer left is
+removed by the next one of any run. Readers that ignore manifests
 can see rows twice during a commit.
 """
 
 import hashlib
 import os
-import re
 import shutil
 import time
 from collections import Counter
@@ -29,6 +29,13 @@ from scene4d.core.files import read_json, write_bytes, write_json
 from scene4d.core.tracks import Tracks
 from scene4d.store._claims import Claim, claims
 from scene4d.store._manifest import as_json, classes, settle, start_ns, writing
+from scene4d.store._remains import (
+    buried,
+    parts_of,
+    remove_half_written,
+    staging_folder,
+    unnamed_parts,
+)
 from scene4d.store.runs import (
     Part,
     Run,
@@ -98,7 +105,7 @@ class SceneWriter:
             provenance=as_json(provenance, "provenance"),
         )
         self._file_name = file_name(run, "run")
-        self._staging = self._folder / "runs" / f".{self._file_name}"
+        self._staging = staging_folder(self._folder, run)
         self._rows_per_part = _LIVE_ROWS_PER_PART if live else _ROWS_PER_PART
         self._live = live
         self._buffer: list[Tracks] = []
@@ -274,10 +281,13 @@ class SceneWriter:
             self._run = replace(self._run, track_base=before.track_base if before else base)
             claim.write(self._run.run, self._run.camera, self._run.track_base)
             self._sweep()
+            dead = [path for c, alive in others if not alive for path in buried(self._folder, c)]
+            self._replaced = dict.fromkeys(dead, time.monotonic())
             shutil.rmtree(self._staging, ignore_errors=True)
             self._staging.mkdir()
             # New numbers: the parts to be replaced are never overwritten.
-            self._next_part = max((number for number, _ in self._own_parts()), default=-1) + 1
+            own_parts = parts_of(self._folder, self._run.run)
+            self._next_part = max((number for number, _ in own_parts), default=-1) + 1
         except BaseException:
             claim.release(done=False)
             raise
@@ -348,26 +358,14 @@ class SceneWriter:
         staged.file.replace(target)
         return staged.part
 
-    def _own_parts(self) -> list[tuple[int, Path]]:
-        """The parts in place that have this run's name, with their numbers."""
-        ours = re.compile(r"\.?" + re.escape(self._file_name) + r"-(\d{5,})\.parquet")
-        paths = self._folder.glob(f"tracks/camera=*/day=*/*{self._file_name}-*.parquet")
-        matches = ((ours.fullmatch(path.name), path) for path in paths)
-        return [(int(match[1]), path) for match, path in matches if match]
-
     def _sweep(self) -> None:
-        """Remove this run's unfinished files and those its manifest no longer names."""
-        manifest = manifest_path(self._folder, self._run.run)
-        named = {part.path for part in Run.load(manifest).parts} if manifest.exists() else set()
-        for _, path in self._own_parts():
-            if path.relative_to(self._folder).as_posix() not in named:
-                path.unlink()
-        names = (manifest.name, f"{self._staging.name}.claim")
-        starts = "|".join(re.escape(f".{name[:100]}.") for name in names)
-        half_written = re.compile(f"({starts})[0-9a-f]{{12}}")
-        for path in manifest.parent.iterdir():
-            if half_written.fullmatch(path.name):
-                path.unlink()
+        """Remove this run's unfinished files, those its manifest no longer names, and what others
+        who were killed have left.
+        """
+        for path in {*unnamed_parts(self._folder, self._run.run), *self._replaced}:
+            path.unlink(missing_ok=True)
+        self._replaced = {}
+        remove_half_written(self._folder, self._run.run)
 
     def _scene_locked(self) -> FileLock:
         """The scene's lock, held for a few milliseconds at a time."""
