@@ -2,6 +2,7 @@
 
 import inspect
 import itertools
+import json
 import re
 import shlex
 import subprocess
@@ -120,6 +121,12 @@ def test_version(run):
     assert re.fullmatch(r"scene4d \d+\.\d+\.\d+\S*\n", result.stdout)
     module = [sys.executable, "-m", "scene4d", "--version"]
     assert subprocess.check_output(module, text=True) == result.stdout
+    for words in (["--version", "--json"], ["--json", "--version"]):
+        found = run(*words)
+        assert found.exit_code == 0
+        said = json.loads(found.stdout)
+        assert said.pop("version") == result.stdout.split()[1]
+        assert said == {"schema": "scene4d/version/1", "warnings": [], "error": None}
 
 
 @pytest.mark.parametrize("arguments", [[], ["--help"], ["calibrate", "--help"], ["--version"]])

@@ -1,6 +1,7 @@
 """Calibrations: truth value, units of the uncertainty, and the fields of camera.json."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -93,6 +94,38 @@ def test_sigma_is_in_the_units_of_the_file():
     assert found["height_m"] == pytest.approx(0.03 * 5)
     assert found["principal_u_px"] == found["principal_v_px"] == 0
     assert calibration().to_dict()["sigma"] == found
+
+
+def test_sigma_alone_is_read_as_independent_errors(tmp_path):
+    found = calibration()
+    said = found.to_dict()
+    del said["covariance"]
+    write_json(tmp_path / "camera.json", said)
+    loaded = Calibration.load(tmp_path / "camera.json")
+    assert loaded.sigma == pytest.approx(found.sigma)
+    correlation = loaded.covariance - np.diag(np.diag(loaded.covariance))
+    assert not correlation.any()
+    uv = np.array([[600.0, 500.0]])
+    at_first, at_last = (c.ground_sigma_m(uv, from_camera=True) for c in (found, loaded))
+    # A seventh parameter, the lens's, is not among the sigmas.
+    assert 0.8 * at_first < at_last <= at_first
+
+
+@pytest.mark.parametrize(
+    ("sigma", "message"),
+    [
+        ({"focal_px": 90.0}, "'sigma.focal_px' must be 20, as the covariance says"),
+        ({"height_m": None}, "'sigma.height_m' is missing"),
+        ({"pan_deg": 1.0}, "unknown field 'sigma.pan_deg'"),
+    ],
+)
+def test_sigma_and_covariance_that_differ_are_told(tmp_path, sigma, message):
+    found = calibration()
+    found = replace(found, camera=replace(found.camera, K=np.diag([1000.0, 1000.0, 1.0])))
+    said = found.to_dict()
+    write_json(tmp_path / "camera.json", said | {"sigma": said["sigma"] | sigma})
+    with pytest.raises(InputError, match=re.escape(message)):
+        Calibration.load(tmp_path / "camera.json")
 
 
 @pytest.mark.parametrize("missing", ["camera", "covariance"])

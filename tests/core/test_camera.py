@@ -104,6 +104,13 @@ def test_the_principal_point_is_the_centre_of_the_image_unless_given():
     np.testing.assert_array_equal(given_centre.K[:2, 2], [400, 200])
 
 
+@pytest.mark.parametrize("name", ["height_m", "focal_px"])
+@pytest.mark.parametrize("value", [0.0, -2.0, np.nan, np.inf])
+def test_a_camera_below_the_ground_is_refused(name, value):
+    with pytest.raises(InputError, match=f"{name}: found {value}, expected a number above 0"):
+        Camera.from_pose(**POSE | {name: value})
+
+
 def test_focal_length_of_a_camera_with_two_is_their_geometric_mean():
     assert Camera((768, 576), np.diag([800.0, 1250.0, 1.0])).focal_px == pytest.approx(1000)
 

@@ -10,7 +10,7 @@ from typer.core import TyperGroup
 from scene4d.cli.activities import activities
 from scene4d.cli.arguments import reflowed
 from scene4d.cli.calibrate import calibrate
-from scene4d.cli.command import usage_envelope
+from scene4d.cli.command import envelope, usage_envelope
 from scene4d.cli.demo import demo
 from scene4d.cli.evaluate import evaluate
 from scene4d.cli.export import export
@@ -40,6 +40,9 @@ class _Program(TyperGroup):
         words = sys.argv[1:] if args is None else list(args)
         if "--json" not in words:
             return super().main(words, *rest, **options)
+        if {*words} == {"--json", "--version"}:
+            emit_json(envelope("version", {}))
+            sys.exit(0)
         try:
             code = super().main(words, *rest, **options | {"standalone_mode": False})
         except Exception as error:

@@ -1,9 +1,15 @@
 """Fields of a ``camera.json`` that say how good the camera is."""
 
+from collections.abc import Mapping
+
 import numpy as np
 from jaxtyping import Float
 
 from scene4d.core.json_object import JsonObject
+
+_ALWAYS = ("focal_px", "tilt_deg", "roll_deg", "height_m")
+_AGREES = 0.01
+"""Share by which what is stated twice may differ: a file may have been rounded."""
 
 
 def errors_in(fields: JsonObject, name: str) -> dict[str, float] | None:
@@ -37,6 +43,34 @@ def uncertainty(
         raise inside.error("matrix", "a covariance: symmetric, with no negative variance")
     motion = inside.array("scene_motion", 3, n) if "scene_motion" in inside else None
     return matrix, motion
+
+
+def stated_sigma(
+    fields: JsonObject,
+    units: Mapping[str, tuple[int, float]],
+    covariance: Float[np.ndarray, "p p"] | None,
+    count: int,
+) -> Float[np.ndarray, "_ _"] | None:
+    """The covariance of all ``count`` parameters that ``sigma`` gives where the file has no
+    ``covariance``: of independent ones. Of a file that has both they must agree.
+
+    ``units`` holds for each name the number of its parameter and the size of that one's unit.
+    """
+    names = fields.object("sigma").names() if "sigma" in fields else []
+    if not names:
+        return covariance
+    inside = fields.object("sigma")
+    inside.only(units)
+    variance = np.zeros(count)
+    for name in {*_ALWAYS, *names}:
+        number, unit = units[name]
+        variance[number] = (inside.number(name, least=0.0) / unit) ** 2
+        if covariance is not None and number < len(covariance):
+            wanted = unit * np.sqrt(covariance[number, number])
+            if abs(inside.number(name) - wanted) > _AGREES * wanted:
+                expected = f"{wanted:.4g}, as the covariance says; give one of the two alone"
+                raise inside.error(name, expected)
+    return np.diag(variance) if covariance is None else covariance
 
 
 def over_all_parameters(values: np.ndarray, first: int, count: int) -> np.ndarray:

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 from scene4d.core._calibration_fields import (
     errors_in,
     over_all_parameters,
+    stated_sigma,
     texts,
     uncertainty,
 )
@@ -166,15 +167,7 @@ class Calibration:
         if self.camera is None or self.covariance is None:
             return {}
         s = np.sqrt(np.diag(self.covariance))
-        half_diagonal = np.hypot(*self.image_size) / 2
-        return {
-            "focal_px": float(self.camera.focal_px * s[0]),
-            "tilt_deg": float(np.degrees(s[1])),
-            "roll_deg": float(np.degrees(s[2])),
-            "height_m": float(self.camera.height_m * s[3]),
-            "principal_u_px": float(half_diagonal * s[5]),
-            "principal_v_px": float(half_diagonal * s[6]),
-        }
+        return {name: float(unit * s[at]) for name, (at, unit) in _units(self.camera).items()}
 
     def ground_covariance(
         self,
@@ -311,14 +304,15 @@ class Calibration:
     def load(cls, path: str | os.PathLike[str]) -> "Calibration":
         """Read a ``camera.json``, which holds everything except the people used.
 
-        A file without a covariance, such as that of a given camera, has ``covariance`` None: its
-        error is unknown. Raises :class:`InputError` naming the file and the field, also if there
+        A file without a covariance has that of independent parameters with the deviations
+        ``sigma``; one without either has ``covariance`` None: its error is unknown. Raises :class:`InputError` naming the file and the field, also if there
         is no camera.
         """
         fields = JsonObject.read(path, *SCHEMAS)
         camera = Camera.from_fields(fields)
         height = "person_height_m"
         covariance, scene_motion = uncertainty(fields, (PARAMETERS, PARAMETERS[:_FIRST]))
+        covariance = stated_sigma(fields, _units(camera), covariance, len(PARAMETERS))
         within, from_camera = (errors_in(fields, name) for name in _ERRORS)
         frames, people, inliers = (
             fields.integer(name, least=0) if name in fields else 0
@@ -380,3 +374,16 @@ class Calibration:
         if self.segments is not None or self.scene_motion is not None:
             fields["scene_motion"] = self._motion().tolist()
         return fields
+
+
+def _units(camera: Camera) -> dict[str, tuple[int, float]]:
+    """The parameters in the units of ``camera.json``: their numbers, and how large one is."""
+    half_diagonal, degree = float(np.hypot(*camera.image_size)) / 2, 180 / np.pi
+    return {
+        "focal_px": (0, camera.focal_px),
+        "tilt_deg": (1, degree),
+        "roll_deg": (2, degree),
+        "height_m": (3, camera.height_m),
+        "principal_u_px": (5, half_diagonal),
+        "principal_v_px": (6, half_diagonal),
+    }

@@ -185,8 +185,14 @@ class Camera(Lens):
         distortion_model: str = "pinhole",
         centre_uv: tuple[float, float] | None = None,
     ) -> "Camera":
-        """The camera of scene4d's world: above the origin, heading along +Y, ground at Z = 0."""
+        """The camera of scene4d's world: above the origin, heading along +Y, ground at Z = 0.
+
+        Raises :class:`InputError` unless ``focal_px`` and ``height_m`` are above zero.
+        """
         image_size = as_image_size(image_size)
+        for name, value in (("focal_px", focal_px), ("height_m", height_m)):
+            if not (value > 0 and np.isfinite(value)):
+                raise InputError(f"{name}: found {value}, expected a number above 0")
         cu, cv = centre_uv or ((image_size[0] - 1) / 2, (image_size[1] - 1) / 2)
         R = geometry.rotation_from_tilt_roll(tilt_rad, roll_rad)
         return cls(
