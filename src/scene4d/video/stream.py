@@ -16,6 +16,9 @@ _STREAM_TIMEOUT_S = 15.0
 _FALLBACK_RATE = 25.0
 _EARLY_S = 1e-6
 """Times carry rounding errors: a frame this much before a slot belongs to it."""
+_AUDIO_S = 0.5
+"""The pictures of a recording may end so much before or after its stated length, which is that of
+its sound."""
 
 
 def stream_name(url: str) -> str:
@@ -42,6 +45,7 @@ class StreamSource(Source):
         self.name = without_password(url)
         self.timeline = None
         self._end: str | None = None  # how it ended, if unexpectedly
+        self._played_s = 0.0
         # UDP loses packets of large frames, and damaged frames look like moving objects.
         options = {"rtsp_transport": "tcp"} if url.startswith("rtsp") else {}
         try:
@@ -52,6 +56,8 @@ class StreamSource(Source):
                 f"({getattr(error, 'strerror', None) or 'no answer'}); check its address, user and "
                 "password with a player, or record a clip and give the file"
             ) from error
+        self._stated_s = (self._container.duration or 0) / av.time_base
+        self._has_size = self._container.size > 0
         stream = video_stream(self._container, self.name)
         if live:  # several frames at once are several frames late
             stream.thread_type = "SLICE"
@@ -76,21 +82,21 @@ class StreamSource(Source):
                     known = frame.pts is not None and last_pts is not None
                     ticks = frame.pts - last_pts if known else 0
                     time_s += ticks * float(stream.time_base) if ticks > 0 else step
-                last_pts = frame.pts
+                last_pts, self._played_s = frame.pts, time_s
                 yield index, time_s, frame
                 index += 1
+        if self._end is None and not self.is_recording:
+            self._end = "ended"
         if self._end is not None:
             self._end += f" after {time_s:.1f} s"
 
     def _packets(self, stream: Any) -> Iterator[Any]:
-        """All packets; records at the end whether the stream ended or was lost."""
+        """All packets; records at the end whether the stream was lost."""
         try:
             yield from packets(self._container, stream)
         except av.error.FFmpegError as error:
-            self._end = f"was lost ({error.strerror})"
-            return
-        if not self.is_recording:
-            self._end = "ended"
+            if not self._ends_as_stated:
+                self._end = f"was lost ({error.strerror})"
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -105,8 +111,14 @@ class StreamSource(Source):
 
     @property
     def is_recording(self) -> bool:
-        """Whether it is a recording behind an address, of a known length; asked while open."""
-        return bool(self._container.duration)
+        """Whether it is a recording behind an address. Some running cameras state a length too: a
+        recording has a size as well, or ends when it says.
+        """
+        return self._ends_as_stated or (self._stated_s > 0 and self._has_size)
+
+    @property
+    def _ends_as_stated(self) -> bool:
+        return self._stated_s > 0 and abs(self._played_s - self._stated_s) <= _AUDIO_S
 
     def thinned(self, rate_hz: float) -> Iterator[Frame]:
         """The first frame in each 1/rate of a second; the others are decoded only."""
