@@ -50,6 +50,7 @@ class Case:
     truth: Detections
     frames: int
     fps: float
+    camera: Camera
 
 
 def seen_people(video: Path, cache: Path) -> tuple[Detections, np.ndarray]:
@@ -112,7 +113,7 @@ def pets_cases(data: Path, cache: Path) -> tuple[list[Case], Camera]:
         ("PETS, drawn boxes", truth, None),
     ]
     cases = [
-        Case(name, d, locate_people(d, camera), c, truth, PETS_FRAMES, PETS_FPS)
+        Case(name, d, locate_people(d, camera), c, truth, PETS_FRAMES, PETS_FPS, camera)
         for name, d, c in given
     ]
     return cases, camera
@@ -149,7 +150,7 @@ def meva_case(file: Path, camera: Camera, seed: int) -> Case:
         people, locate_people(found.select(people), camera)
     )
     name = f"MEVA {'.'.join(file.name.split('.')[:2])} {file.name.split('.')[-3]}"
-    return Case(name, found, located, None, truth, int(truth.frame.max()) + 1, fps)
+    return Case(name, found, located, None, truth, int(truth.frame.max()) + 1, fps, camera)
 
 
 def one_number_each(truth: Detections) -> Detections:
@@ -242,7 +243,7 @@ def association(cases: list[Case]) -> Rows:
             if not method.here:
                 continue
             label, seconds = follow(
-                method, case.found, case.located, case.colour, case.frames, case.fps
+                method, case.found, case.located, case.colour, case.frames, case.fps, case.camera
             )
             unit = seconds if unit is None else unit
             s = scores(case, label)
@@ -316,7 +317,7 @@ def streamed(sightings: Sightings, frames: int, fps: float) -> Smoothed:
 
 def positions(case: Case, camera: Camera) -> list[Rows]:
     """Errors against the drawn boxes on the ground, and how often the ellipses hold the truth."""
-    label, _ = follow(METHODS[0], case.found, case.located, case.colour, case.frames, case.fps)
+    label, _ = follow(METHODS[0], case.found, case.located, case.colour, case.frames, case.fps, case.camera)
     true_xy, match = locate_people(case.truth, camera).xy_m, matched(case)
     found, clock = case.found, np.arange(case.frames)
     seen = Sightings(

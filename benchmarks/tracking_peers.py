@@ -12,6 +12,7 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
+from scene4d.core.camera import Camera
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
 from scene4d.perception._tracking import Tracker
@@ -24,7 +25,7 @@ Update = Callable[[float, Detections, Located, np.ndarray | None], np.ndarray]
 @dataclass(frozen=True)
 class Method:
     name: str
-    start: Callable[[float], Update]
+    start: Callable[[float, Camera], Update]
     """A new tracker for footage of so many frames per second."""
     needs: str | None = None
 
@@ -33,17 +34,17 @@ class Method:
         return self.needs is None or importlib.util.find_spec(self.needs) is not None
 
 
-def _ours(fps: float) -> Update:
-    return GroundTracker().update
+def _ours(fps: float, camera: Camera) -> Update:
+    return GroundTracker(camera=camera).update
 
 
-def _image_space(fps: float) -> Update:
+def _image_space(fps: float, camera: Camera) -> Update:
     tracker = Tracker()
     return lambda t, found, located, colour: tracker.update(found.box_xyxy, t, colour)
 
 
-def _roboflow(name: str) -> Callable[[float], Update]:
-    def start(fps: float) -> Update:
+def _roboflow(name: str) -> Callable[[float, Camera], Update]:
+    def start(fps: float, camera: Camera) -> Update:
         import supervision as sv
         import trackers
 
@@ -64,7 +65,7 @@ def _roboflow(name: str) -> Callable[[float], Update]:
     return start
 
 
-def _norfair(fps: float) -> Update:
+def _norfair(fps: float, camera: Camera) -> Update:
     import norfair
 
     # The values of its documentation for boxes by overlap.
@@ -85,10 +86,10 @@ def _norfair(fps: float) -> Update:
     return update
 
 
-def _stone_soup(associator: str) -> Callable[[float], Update]:
+def _stone_soup(associator: str) -> Callable[[float, Camera], Update]:
     """Kalman filter on the same ground points, joint probabilistic or nearest association."""
 
-    def start(fps: float) -> Update:
+    def start(fps: float, camera: Camera) -> Update:
         from stonesoup.dataassociator.neighbour import GNNWith2DAssignment
         from stonesoup.dataassociator.probability import JPDA
         from stonesoup.deleter.time import UpdateTimeStepsDeleter
@@ -190,9 +191,10 @@ def follow(
     colour: np.ndarray | None,
     frames: int,
     fps: float,
+    camera: Camera,
 ) -> tuple[np.ndarray, float]:
     """Track numbers of all detections, and seconds per frame."""
-    update = method.start(fps)
+    update = method.start(fps, camera)
     label = np.full(len(found), -1)
     order = np.argsort(found.frame, kind="stable")
     ends = np.searchsorted(found.frame[order], np.arange(frames + 1))

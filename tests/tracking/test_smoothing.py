@@ -372,7 +372,7 @@ def test_bad_input_is_named():
     ):
         with pytest.raises(InputError, match=words):
             smooth(good, time_s, frame)
-    with pytest.raises(InputError, match="lag_s must be at least 4"):
+    with pytest.raises(InputError, match="lag_s must be at least 10"):
         SmoothingSettings(lag_s=1.0)
 
 

@@ -7,22 +7,23 @@ is a minimum-cost assignment (Blackman and Popoli, "Design and Analysis of Moder
 Systems", 1999, section 6.4).
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.optimize import linear_sum_assignment
 
 from scene4d.core.body import PERSON_HEIGHT_M
+from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
+from scene4d.tracking._association_rows import Held, Seen, nothing, seen_rows, started
+from scene4d.tracking._hidden import Hidden, vanishes
 from scene4d.tracking._motion_model import (
     ACCELERATION,
     GROUP,
     PERSON_GROUP,
-    SPEED,
-    class_numbers,
     moving_noise,
     repeated,
 )
@@ -41,6 +42,12 @@ _MEAN_HIDDEN = 3.0
 _NEW_SHARE = 0.2
 """Weight of a new detection in a track's height and colours: averages about five detections,
 half a second."""
+_KNOWN_S = 1.0
+"""Who was seen for less is not kept while hidden: many are mistakes of the detector."""
+_MISSED_S = 1.0
+"""Who is missed for less is expected where he was going, whatever may hide him."""
+_CUT = 0.3
+"""Error of the logarithm of a box's height where somebody comes out: he is half hidden still."""
 
 
 @dataclass(frozen=True)
@@ -79,54 +86,21 @@ class AssociationSettings:
     """Without a ground point: speed of the box's foot, in box heights per second."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Sightings:
-    """Detections of one frame; ``colour`` is NaN where unknown."""
-
-    kind: np.ndarray  # (n,) class number
-    known: np.ndarray  # (n,) has a ground point
-    xy: np.ndarray  # (n, 2)
-    covariance: np.ndarray  # (n, 2, 2)
-    foot: np.ndarray  # (n, 2) px
-    height: np.ndarray  # (n,) px
-    colour: np.ndarray  # (n, d)
-
-
-@dataclass(frozen=True, eq=False)
-class _Tracks:
-    label: np.ndarray  # (t,)
-    kind: np.ndarray  # (t,) class number when last seen
-    born_s: np.ndarray
-    seen_s: np.ndarray
-    known: np.ndarray  # (t,) has ever had a ground point
-    located_s: np.ndarray  # (t,) time of the state
-    state: np.ndarray  # (t, 4) position, velocity
-    covariance: np.ndarray  # (t, 4, 4)
-    mean_xy: np.ndarray  # (t, 2) averaged over the last seconds
-    foot: np.ndarray
-    drift: np.ndarray  # (t, 2) px per second
-    height: np.ndarray
-    colour: np.ndarray
-
-    def select(self, rows: np.ndarray) -> "_Tracks":
-        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
-    def joined(self, other: "_Tracks") -> "_Tracks":
-        names = [f.name for f in fields(self)]
-        if not len(self.label):
-            return other
-        return _Tracks(**{n: np.concatenate([getattr(self, n), getattr(other, n)]) for n in names})
-
-
 class GroundTracker:
     """Assigns track numbers, from 0, to the detections of successive frames; streaming.
 
-    Holds the tracks in view and the vehicles that stood there within ``standing_memory_s``.
+    Holds the tracks in view, the vehicles that stood there within ``standing_memory_s``, and, with
+    a ``camera``, people who went behind something (:mod:`._hidden`). ``from_hiding`` (n,) says which
+    detections of the last frame are of people who came out again.
     """
 
-    def __init__(self, settings: AssociationSettings | None = None) -> None:
+    def __init__(
+        self, settings: AssociationSettings | None = None, camera: Camera | None = None
+    ) -> None:
         self.settings = AssociationSettings() if settings is None else settings
-        self._tracks = _start(_nothing(), np.empty(0, np.int64), 0.0)
+        self._hidden = None if camera is None else Hidden(camera)
+        self.from_hiding = np.empty(0, bool)
+        self._tracks = started(nothing(), np.empty(0, np.int64), 0.0)
         self._next = 0
         self._time_s = -np.inf
 
@@ -154,18 +128,22 @@ class GroundTracker:
                 f"tracker: found time {time_s} s, expected a finite one after {self._time_s} s; "
                 "give the frames in order"
             )
-        seen = _sightings(detections, located, appearance)
+        seen = seen_rows(detections, located, appearance)
+        self.from_hiding = np.zeros(len(seen.kind), bool)
         if not len(seen.kind):
             self._time_s = time_s
+            if self._hidden is not None:
+                self._hidden.advance(time_s, detections.box_xyxy)
             return np.empty(0, np.int64)
         s = self.settings
         tracks = self._tracks
         tracks = tracks.select(
             (time_s - tracks.seen_s <= _patience(tracks, s))
             & _in_picture(tracks, detections.image_size, time_s, s)
+            | self._is_behind(tracks)
         )
         if not len(tracks.label):
-            tracks = _start(seen, np.empty(0, np.int64), time_s)
+            tracks = started(seen, np.empty(0, np.int64), time_s)
         if tracks.colour.shape[1] != seen.colour.shape[1]:
             raise InputError(
                 f"tracker: found appearance of {seen.colour.shape[1]} columns after "
@@ -174,76 +152,72 @@ class GroundTracker:
         self._time_s = time_s
         label = np.full(len(seen.kind), -1)
         state, covariance = _predicted(tracks, time_s, s)
-        cost = _costs(tracks, state, covariance, seen, time_s, s)
+        behind = self._predicted_behind(tracks, state, covariance, seen, time_s)
+        cost = _costs(tracks, state, covariance, seen, time_s, s, behind)
         rows, columns = _assigned(cost)
         label[columns] = tracks.label[rows]
+        self.from_hiding[columns] = behind.rows[rows]
+        self._look_behind(tracks, rows, detections.box_xyxy, time_s)
         _correct(tracks, state, covariance, seen, rows, columns, time_s)
         new = np.flatnonzero(label < 0)
         new = new[np.lexsort(seen.foot[new].T)]
         label[new] = self._next + np.arange(len(new))
-        born = _start(seen, new, time_s)
+        born = started(seen, new, time_s)
         self._tracks = tracks.joined(replace(born, label=label[new]))
         self._next += len(new)
         return label
 
+    def _is_behind(self, t: Held) -> np.ndarray:
+        if self._hidden is None:
+            return np.zeros(len(t.label), bool)
+        return np.array([label in self._hidden for label in t.label.tolist()], bool)
 
-def _sightings(d: Detections, located: Located, appearance: np.ndarray | None) -> _Sightings:
-    n = len(d)
-    if len(located) != n or (appearance is not None and len(appearance) != n):
-        rows = n if appearance is None else len(appearance)
-        raise InputError(
-            f"tracker: found {n} detections, {len(located)} located rows and {rows} rows of "
-            "appearance, expected as many of each"
-        )
-    box = d.box_xyxy
-    empty = ~(np.isfinite(box).all(axis=1) & (box[:, 2] > box[:, 0]) & (box[:, 3] > box[:, 1]))
-    if empty.any():
-        row = int(np.flatnonzero(empty)[0])
-        raise InputError(
-            f"tracker: box of row {row} must be x1 < x2, y1 < y2, found {box[row].tolist()}"
-        )
-    known = located.known
-    return _Sightings(
-        kind=class_numbers(d.class_name),
-        known=known,
-        xy=np.where(known[:, None], located.xy_m, 0.0),
-        covariance=np.where(known[:, None, None], located.covariance_m2, np.eye(2)),
-        foot=d.box_foot_uv,
-        height=box[:, 3] - box[:, 1],
-        colour=np.full((n, 1), np.nan) if appearance is None else appearance,
-    )
+    def _predicted_behind(
+        self, t: Held, state: np.ndarray, covariance: np.ndarray, seen: Seen, time_s: float
+    ) -> "_Behind":
+        """Puts the states of hidden people into ``state`` and ``covariance``."""
+        rows = self._is_behind(t)
+        found = _Behind(rows, np.ones(len(rows)), np.ones((len(rows), len(seen.height))))
+        if self._hidden is not None and rows.any():
+            for row in np.flatnonzero(rows):
+                state[row], covariance[row], found.probability[row] = self._hidden.predicted(
+                    int(t.label[row]), time_s
+                )
+            share = t.height[rows] / self._hidden.upright_px(t.state[rows, :2])
+            found.height[rows] = share[:, None] * self._hidden.upright_px(seen.xy)
+        return found
 
-
-def _nothing() -> _Sightings:
-    none, pairs = np.empty(0), np.empty((0, 2))
-    kind, known = np.empty(0, np.int64), np.empty(0, bool)
-    return _Sightings(kind, known, pairs, np.empty((0, 2, 2)), pairs, none, np.empty((0, 1)))
-
-
-def _start(seen: _Sightings, rows: np.ndarray, time_s: float) -> _Tracks:
-    n, kind = len(rows), seen.kind[rows]
-    covariance = np.zeros((n, 4, 4))
-    covariance[:, :2, :2] = seen.covariance[rows]
-    covariance[:, [2, 3], [2, 3]] = SPEED[kind][:, None] ** 2
-    now = np.full(n, time_s)
-    return _Tracks(
-        label=np.zeros(n, np.int64),
-        kind=kind,
-        born_s=now,
-        seen_s=now.copy(),
-        known=seen.known[rows],
-        located_s=now.copy(),
-        state=np.concatenate([seen.xy[rows], np.zeros((n, 2))], axis=1),
-        covariance=covariance,
-        mean_xy=seen.xy[rows].copy(),
-        foot=seen.foot[rows],
-        drift=np.zeros((n, 2)),
-        height=seen.height[rows],
-        colour=seen.colour[rows],
-    )
+    def _look_behind(
+        self, t: Held, matched: np.ndarray, boxes_xyxy: np.ndarray, time_s: float
+    ) -> None:
+        """Who is not seen now may have gone behind something, or be there still."""
+        if self._hidden is None:
+            return
+        missed = np.ones(len(t.label), bool)
+        missed[matched] = False
+        self._hidden.keep(set(t.label[missed].tolist()))
+        new = missed & t.known & (GROUP[t.kind] == PERSON_GROUP) & ~self._is_behind(t)
+        new &= (t.seen_s - t.born_s >= _KNOWN_S) & (time_s - t.seen_s >= _MISSED_S)
+        at = t.foot + t.drift * (time_s - t.seen_s)[:, None]
+        new[new] = vanishes(at[new], t.height[new], boxes_xyxy)
+        for row in np.flatnonzero(new):
+            label = int(t.label[row])
+            self._hidden.begin(label, float(t.located_s[row]), t.state[row], t.covariance[row])
+        self._hidden.advance(time_s, boxes_xyxy)
 
 
-def _standing(t: _Tracks, s: AssociationSettings) -> np.ndarray:
+@dataclass(frozen=True, eq=False)
+class _Behind:
+    """Which tracks are of hidden people: the probability that they still are, and the heights of
+    their boxes, were they detected where each detection is.
+    """
+
+    rows: np.ndarray  # (t,)
+    probability: np.ndarray  # (t,)
+    height: np.ndarray  # (t, n)
+
+
+def _standing(t: Held, s: AssociationSettings) -> np.ndarray:
     """Which tracks were slow when last seen; a vehicle also by its mean place, because the speed of
     a distant one is uncertain.
     """
@@ -254,13 +228,13 @@ def _standing(t: _Tracks, s: AssociationSettings) -> np.ndarray:
     return standing
 
 
-def _patience(t: _Tracks, s: AssociationSettings) -> np.ndarray:
+def _patience(t: Held, s: AssociationSettings) -> np.ndarray:
     parked = _standing(t, s) & (GROUP[t.kind] != PERSON_GROUP)
     return np.where(parked, s.standing_memory_s, s.memory_s)
 
 
 def _in_picture(
-    t: _Tracks, image_size: tuple[int, int], time_s: float, s: AssociationSettings
+    t: Held, image_size: tuple[int, int], time_s: float, s: AssociationSettings
 ) -> np.ndarray:
     """Whether the predicted middle of the box is still inside the image."""
     dt = time_s - t.seen_s
@@ -273,7 +247,7 @@ def _in_picture(
     return kept
 
 
-def _predicted(t: _Tracks, time_s: float, s: AssociationSettings) -> tuple[np.ndarray, np.ndarray]:
+def _predicted(t: Held, time_s: float, s: AssociationSettings) -> tuple[np.ndarray, np.ndarray]:
     """States and covariances predicted for ``time_s``."""
     dt = time_s - t.located_s
     waits = _standing(t, s) & (dt > _STAYS_S)
@@ -291,31 +265,34 @@ def _predicted(t: _Tracks, time_s: float, s: AssociationSettings) -> tuple[np.nd
 
 
 def _costs(
-    t: _Tracks,
+    t: Held,
     state: np.ndarray,
     covariance: np.ndarray,
-    seen: _Sightings,
+    seen: Seen,
     time_s: float,
     s: AssociationSettings,
+    behind: _Behind,
 ) -> Float[np.ndarray, "t n"]:
     """-2 log likelihood ratios; infinite where a match is impossible."""
+    hidden = behind.rows[:, None]
     dt = (time_s - t.seen_s)[:, None]
     ground, image = _on_ground(state, covariance, seen), _in_image(t, seen, dt, s)
     both = t.known[:, None] & seen.known
     away, log_det = (np.where(both, g, i) for g, i in zip(ground, image, strict=True))
-    ratio = np.log(seen.height / t.height[:, None])
-    size = ratio**2 / (s.size_sigma**2 + (s.size_drift * dt) ** 2)
+    ratio = np.log(seen.height / np.where(hidden, behind.height, t.height[:, None]))
+    size = ratio**2 / (s.size_sigma**2 + np.where(hidden, _CUT, s.size_drift * dt) ** 2)
     colour = _hellinger2(t.colour[:, None], seen.colour) / s.colour_sigma**2
     cost = away + log_det + 2 * np.log(2 * np.pi * s.unrelated_per_m2)
     cost += np.minimum(size, s.opinion_limit) + np.minimum(colour, s.opinion_limit)
-    cost += 2 * _MEAN_HIDDEN * dt / _patience(t, s)[:, None]
+    lost = 2 * _MEAN_HIDDEN * dt / _patience(t, s)[:, None]
+    cost += np.where(hidden, -2 * np.log(behind.probability)[:, None], lost)
     other = GROUP[t.kind][:, None] != GROUP[seen.kind]
-    cost[other | (away > s.gate**2)] = np.inf
+    cost[other | (away > s.gate**2) | (hidden & ~seen.known)] = np.inf
     return cost
 
 
 def _on_ground(
-    state: np.ndarray, covariance: np.ndarray, seen: _Sightings
+    state: np.ndarray, covariance: np.ndarray, seen: Seen
 ) -> tuple[np.ndarray, np.ndarray]:
     """Squared distance in standard deviations (t, n), and log determinant of the covariance."""
     away = seen.xy - state[:, None, :2]
@@ -327,7 +304,7 @@ def _on_ground(
 
 
 def _in_image(
-    t: _Tracks, seen: _Sightings, dt: np.ndarray, s: AssociationSettings
+    t: Held, seen: Seen, dt: np.ndarray, s: AssociationSettings
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same from the foot of the box; a box height counts as a person's height in metres."""
     expected = t.foot[:, None] + t.drift[:, None] * dt[..., None]
@@ -355,10 +332,10 @@ def _assigned(cost: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _correct(
-    t: _Tracks,
+    t: Held,
     state: np.ndarray,
     covariance: np.ndarray,
-    seen: _Sightings,
+    seen: Seen,
     rows: np.ndarray,
     columns: np.ndarray,
     time_s: float,
@@ -377,7 +354,7 @@ def _correct(
     known = seen.known[columns]
     rows, columns = rows[known], columns[known]
     fresh = ~t.known[rows]
-    born = _start(seen, columns[fresh], time_s)
+    born = started(seen, columns[fresh], time_s)
     t.state[rows[fresh]], t.covariance[rows[fresh]] = born.state, born.covariance
     t.mean_xy[rows[fresh]] = born.mean_xy
     late_s = (time_s - t.located_s[rows])[~fresh]

@@ -24,6 +24,7 @@ from scipy.special import betaln, logsumexp
 
 from scene4d.core.boxes import covered, iou
 from scene4d.core.people import Detections
+from scene4d.tracking._hidden import LONGEST_S
 from scene4d.tracking._motion_model import LASTING_S
 
 FEWEST_SIGHTINGS = 3
@@ -168,10 +169,12 @@ class Belief:
         """Note which tracks that are missing now may be hidden."""
         for number in sorted(self._recent - there):
             one = self._tracks[number]
-            if self._time_s - one.seen_s > _MEMORY_S:
+            away_s = self._time_s - one.seen_s
+            covered = len(box_xyxy) > 0 and _hidden(one.box, box_xyxy) > _COVERED
+            if away_s > (LONGEST_S if covered else _MEMORY_S):
                 self._recent.discard(number)
                 self._remember(one)
-            elif len(box_xyxy) and _hidden(one.box, box_xyxy) > _COVERED:
+            elif covered:
                 one.maybe_hidden += 1
 
     def _remember(self, one: _Track) -> None:

@@ -7,7 +7,7 @@ A final row may differ from :func:`.smooth` over the whole recording:
 - its class is the most frequent one so far;
 - detections dropped from memory keep the weight they had.
 
-Gaps are bridged at the same frames, since ``lag_s`` is at least ``max_gap_s``.
+Gaps are bridged at the same frames, since ``lag_s`` is at least ``max_gap_s`` and ``max_hidden_s``.
 """
 
 from dataclasses import replace

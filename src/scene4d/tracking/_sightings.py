@@ -13,7 +13,8 @@ from scene4d.tracking._motion_model import class_numbers
 @dataclass(frozen=True, eq=False)
 class Sightings(Columns):
     """Associated detections, in any order. ``xy_m`` and ``covariance_m2`` (m², of one detection,
-    without the calibration error) are NaN where a row has no ground point.
+    without the calibration error) are NaN where a row has no ground point. ``from_hiding`` marks
+    who was hidden since the row before; by default nobody.
     """
 
     track: Int[np.ndarray, "n"]
@@ -22,8 +23,11 @@ class Sightings(Columns):
     frame: Int[np.ndarray, "n"]
     xy_m: Float[np.ndarray, "n 2"]
     covariance_m2: Float[np.ndarray, "n 2 2"]
+    from_hiding: Bool[np.ndarray, "n"] | None = None
 
     def __post_init__(self) -> None:
+        if self.from_hiding is None:
+            object.__setattr__(self, "from_hiding", np.zeros(len(self.track), bool))
         self.check_rows("sightings")
         if not np.isfinite(self.time_s).all():
             raise InputError("sightings: time_s must be finite; give frames a time first")
@@ -71,7 +75,8 @@ class TrackRows(Columns):
 
     ``source`` is the row of the detections, or one of the marks above; ``kind`` the class number.
     ``measured_s`` is the time of the row's position, NaN if it has none; ``xy_m`` and
-    ``covariance_m2`` are NaN where nothing was measured.
+    ``covariance_m2`` are NaN where nothing was measured. ``max_gap_s`` is the longest gap before
+    the row that is bridged.
     """
 
     source: Int[np.ndarray, "n"]
@@ -82,20 +87,21 @@ class TrackRows(Columns):
     measured_s: Float[np.ndarray, "n"]
     xy_m: Float[np.ndarray, "n 2"]
     covariance_m2: Float[np.ndarray, "n 2 2"]
+    max_gap_s: Float[np.ndarray, "n"]
 
     @property
     def first(self) -> Bool[np.ndarray, "n"]:
         """Where a track begins."""
         return np.diff(self.track, prepend=self.track[:1] - 1) != 0
 
-    def placed(self, max_gap_s: float) -> Bool[np.ndarray, "n"]:
+    def placed(self) -> Bool[np.ndarray, "n"]:
         """Rows that get a position: measured ones, and those in a gap that is short enough."""
         measured, row = np.isfinite(self.measured_s), np.arange(len(self.track))
         before = np.maximum.accumulate(np.where(measured, row, -1))
         after = np.minimum.accumulate(np.where(measured, row, len(row))[::-1])[::-1]
         inside = (before >= 0) & (after < len(row))
         b, a = before[inside], after[inside]
-        short = self.measured_s[a] - self.measured_s[b] <= max_gap_s
+        short = self.measured_s[a] - self.measured_s[b] <= self.max_gap_s[a]
         inside[inside] = short & (self.track[a] == self.track[b])
         return inside & (self.source != REMEMBERED)
 
@@ -106,16 +112,21 @@ def in_order(
     frame_time_s: Float[np.ndarray, "m"],
     memory: Memory,
     max_gap_s: float,
+    max_hidden_s: float,
 ) -> TrackRows:
-    """Everything in order, gaps bridged. Raises :class:`InputError` as :func:`.smooth`."""
+    """Everything in order, gaps bridged: those of up to ``max_gap_s``, and where somebody was
+    hidden up to ``max_hidden_s``. Raises :class:`InputError` as :func:`.smooth`.
+    """
     _check_frames(frame, frame_time_s)
-    found = TrackRows.joined([_remembered(memory), _seen(sightings)])
+    assert sightings.from_hiding is not None  # it has a default
+    gap_s = np.where(sightings.from_hiding, max_hidden_s, max_gap_s)
+    found = TrackRows.joined([_remembered(memory), _seen(sightings, gap_s)])
     order = np.lexsort((found.frame, found.track))
     found = found.select(order)
     _check_order(found)
     if not len(frame):
         return found
-    both = TrackRows.joined([found, _bridges(found, frame, frame_time_s, max_gap_s)])
+    both = TrackRows.joined([found, _bridges(found, frame, frame_time_s)])
     # A detection without a position replaces the bridge of the same frame.
     order = np.lexsort((both.source == BRIDGED, both.frame, both.track))
     both = both.select(order)
@@ -134,7 +145,7 @@ def _check_frames(frame: np.ndarray, time_s: np.ndarray) -> None:
         raise InputError("smoothing: frame must be ascending")
 
 
-def _seen(s: Sightings) -> TrackRows:
+def _seen(s: Sightings, max_gap_s: Float[np.ndarray, "n"]) -> TrackRows:
     known = np.isfinite(s.xy_m).all(axis=1)
     return TrackRows(
         source=np.arange(len(s)),
@@ -145,6 +156,7 @@ def _seen(s: Sightings) -> TrackRows:
         measured_s=np.where(known, s.time_s, np.nan),
         xy_m=np.where(known[:, None], s.xy_m, np.nan),
         covariance_m2=np.where(known[:, None, None], s.covariance_m2, np.nan),
+        max_gap_s=max_gap_s,
     )
 
 
@@ -159,6 +171,7 @@ def _remembered(m: Memory) -> TrackRows:
         measured_s=m.measured_s,
         xy_m=np.full((k, 2), np.nan),
         covariance_m2=np.full((k, 2, 2), np.nan),
+        max_gap_s=np.zeros(k),
     )
 
 
@@ -175,12 +188,12 @@ def _check_order(found: TrackRows) -> None:
 
 
 def _bridges(
-    found: TrackRows, frame: np.ndarray, frame_time_s: np.ndarray, max_gap_s: float
+    found: TrackRows, frame: np.ndarray, frame_time_s: np.ndarray
 ) -> TrackRows:
     """Rows for the frames between two measured positions of a track."""
     known = np.flatnonzero(np.isfinite(found.measured_s))
     a, b = known[:-1], known[1:]
-    near = found.measured_s[b] - found.measured_s[a] <= max_gap_s
+    near = found.measured_s[b] - found.measured_s[a] <= found.max_gap_s[b]
     near &= found.track[a] == found.track[b]
     a, b = a[near], b[near]
     low = np.searchsorted(frame, found.frame[a], "right")
@@ -196,4 +209,5 @@ def _bridges(
         measured_s=np.full(n, np.nan),
         xy_m=np.full((n, 2), np.nan),
         covariance_m2=np.full((n, 2, 2), np.nan),
+        max_gap_s=np.zeros(n),
     )

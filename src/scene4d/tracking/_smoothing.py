@@ -33,6 +33,8 @@ class SmoothingSettings:
     max_gap_s: float = 2.0
     """Longer gaps between two measured positions are not bridged. Chosen by hand: within 2 s a
     walker can turn back, and a straight bridge would be a guess."""
+    max_hidden_s: float = 10.0
+    """The same where somebody was hidden, and so stayed near: at most ``lag_s``."""
     outlier_sigma: float = 3.0
     """The variance of a detection further than this from the smoothed position is raised until
     its distance equals this limit, so that its influence falls with distance. In the plane, 99 %
@@ -49,15 +51,16 @@ class SmoothingSettings:
     standing_most_m: float = 1.5
     """Upper limit of both, a third of a car's length."""
     lag_s: float = 10.0
-    """In a stream, rows older than this are final; at least ``max_gap_s`` and
-    ``standing_window_s``. Later detections change the position of a moving object by less than
+    """In a stream, rows older than this are final; at least ``max_gap_s``,
+    ``max_hidden_s`` and ``standing_window_s``. Later detections change the position of a moving object by less than
     2 mm at 10 Hz."""
 
     def __post_init__(self) -> None:
-        if not self.lag_s >= max(self.max_gap_s, self.standing_window_s):
+        least_s = max(self.max_gap_s, self.max_hidden_s, self.standing_window_s)
+        if not self.lag_s >= least_s:
             raise InputError(
-                f"smoothing: lag_s must be at least {max(self.max_gap_s, self.standing_window_s)} "
-                f"(max_gap_s, standing_window_s), found {self.lag_s}"
+                f"smoothing: lag_s must be at least {least_s} (max_gap_s, max_hidden_s, "
+                f"standing_window_s), found {self.lag_s}"
             )
 
 
@@ -136,8 +139,8 @@ def estimate(
     s: SmoothingSettings,
 ) -> Estimates:
     """All rows with their states; see :func:`smooth`."""
-    rows = in_order(sightings, frame, frame_time_s, memory, s.max_gap_s)
-    placed, n = rows.placed(s.max_gap_s), len(rows)
+    rows = in_order(sightings, frame, frame_time_s, memory, s.max_gap_s, s.max_hidden_s)
+    placed, n = rows.placed(), len(rows)
     used = placed | (rows.source == REMEMBERED)
     found = Estimates(
         rows,

@@ -90,7 +90,7 @@ class _Follower:
         self._person_height_m = person_height_m
         self._belief = belief
         self._timings = timings
-        self._tracker = GroundTracker()
+        self._tracker = GroundTracker(camera=calibration.camera)
         self._doubles = Doubles()
         self._sizes = Sizes(calibration, person_height_m)
         self._smoother = FixedLagSmoother()
@@ -136,18 +136,21 @@ class _Follower:
             hidden = bottoms_hidden(d)
             located = place(d, self._calibration, self._person_height_m, hidden)
         with timed(self._timings, "associate"):
-            track = self._associate(look, located)
+            track, from_hiding = self._associate(look, located)
         with timed(self._timings, "place"):
-            seen = _sightings(d, track, located)
+            seen = _sightings(d, track, located, from_hiding)
             located = self._with_headings(d, seen, located, hidden)
             self._sizes.add(d, track, located)
-        return _sightings(d, track, located), located
+        return _sightings(d, track, located, from_hiding), located
 
-    def _associate(self, look: Look, located: Located) -> Int[np.ndarray, "n"]:
-        """Track numbers of all rows: their own, or else the tracker's."""
+    def _associate(
+        self, look: Look, located: Located
+    ) -> tuple[Int[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
+        """Track numbers of all rows: their own, or else the tracker's; and who was hidden before."""
         detections = look.detections
+        from_hiding = np.zeros(len(detections), bool)
         if (detections.track >= 0).all():
-            return detections.track
+            return detections.track, from_hiding
         track = np.empty(len(detections), np.int64)
         for _, time_s, rows in look.frames():
             some, places = detections.select(rows), located.select(rows)
@@ -158,7 +161,8 @@ class _Follower:
                 None if look.appearance is None else look.appearance[rows].astype(float),
             )
             track[rows] = self._doubles.update(time_s, numbers, some.class_name, places)
-        return track
+            from_hiding[rows] = self._tracker.from_hiding
+        return track, from_hiding
 
     def _with_headings(
         self, d: Detections, seen: Sightings, located: Located, hidden: Bool[np.ndarray, "n"]
@@ -272,8 +276,14 @@ class _Follower:
         return heading, sigma
 
 
-def _sightings(d: Detections, track: Int[np.ndarray, "n"], located: Located) -> Sightings:
-    return Sightings(track, d.class_name, d.time_s, d.frame, located.xy_m, located.covariance_m2)
+def _sightings(
+    d: Detections,
+    track: Int[np.ndarray, "n"],
+    located: Located,
+    from_hiding: Bool[np.ndarray, "n"],
+) -> Sightings:
+    xy_m, covariance_m2 = located.xy_m, located.covariance_m2
+    return Sightings(track, d.class_name, d.time_s, d.frame, xy_m, covariance_m2, from_hiding)
 
 
 @dataclass(frozen=True, eq=False)
