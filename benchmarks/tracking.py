@@ -317,7 +317,9 @@ def streamed(sightings: Sightings, frames: int, fps: float) -> Smoothed:
 
 def positions(case: Case, camera: Camera) -> list[Rows]:
     """Errors against the drawn boxes on the ground, and how often the ellipses hold the truth."""
-    label, _ = follow(METHODS[0], case.found, case.located, case.colour, case.frames, case.fps, case.camera)
+    label, _ = follow(
+        METHODS[0], case.found, case.located, case.colour, case.frames, case.fps, case.camera
+    )
     true_xy, match = locate_people(case.truth, camera).xy_m, matched(case)
     found, clock = case.found, np.arange(case.frames)
     seen = Sightings(

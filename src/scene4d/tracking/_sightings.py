@@ -187,9 +187,7 @@ def _check_order(found: TrackRows) -> None:
         )
 
 
-def _bridges(
-    found: TrackRows, frame: np.ndarray, frame_time_s: np.ndarray
-) -> TrackRows:
+def _bridges(found: TrackRows, frame: np.ndarray, frame_time_s: np.ndarray) -> TrackRows:
     """Rows for the frames between two measured positions of a track."""
     known = np.flatnonzero(np.isfinite(found.measured_s))
     a, b = known[:-1], known[1:]
