@@ -7,7 +7,7 @@ import numpy as np
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
-from scene4d.tracking._motion_model import SPEED, class_numbers, repeated
+from scene4d.tracking._motion_model import SPEED, class_numbers
 
 
 @dataclass(frozen=True, eq=False)
