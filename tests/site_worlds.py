@@ -15,7 +15,7 @@ import numpy as np
 from scene4d.core.calibration import Calibration
 from scene4d.core.placement import Placement
 from scene4d.core.tracks import Tracks
-from scene4d.store._site_file import SiteCamera
+from scene4d.store.site_file import SiteCamera
 from scene4d.store.writing import SceneWriter
 from strategies import build_camera, build_lens
 

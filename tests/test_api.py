@@ -16,7 +16,8 @@ from cli_scenes import SIZE, mot_text, people
 from scene4d import Camera
 
 PROMISED = {
-    *("Calibration", "Camera", "Lens", "Orientation", "Scene", "Site", "__version__", "calibrate"),
+    *("Calibration", "Camera", "Lens", "Orientation", "Scene", "Site", "__version__"),
+    *("align", "calibrate"),
     *("read_camera", "search", "solve_camera", "track", "watch", "write_camera"),
 }
 

@@ -2,14 +2,15 @@
 
 ``calibrate`` finds the camera of footage, ``solve_camera`` that of points; ``track`` writes a
 :class:`Scene` of people and vehicles in metres, ``watch`` does so while a camera runs; ``search``
-finds activities in it that are told in words. A :class:`Site` is several scenes on one ground and
-clock. :class:`Camera` projects and locates. Everything is loaded when it is first used, so that
-importing the package costs nothing.
+finds activities in it that are told in words. ``align`` puts several scenes on one ground and one
+clock, a :class:`Site`. :class:`Camera` projects and locates. Everything is loaded when it is first
+used, so that importing the package costs nothing.
 """
 
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from scene4d.alignment import align as align
     from scene4d.calibration import solve_camera as solve_camera
     from scene4d.calibration.calibrating import calibrate as calibrate
     from scene4d.core.calibration import Calibration as Calibration
@@ -33,6 +34,7 @@ _WHERE = {
     "Orientation": "scene4d.core.orientation",
     "Scene": "scene4d.store.query",
     "Site": "scene4d.store.site",
+    "align": "scene4d.alignment",
     "calibrate": "scene4d.calibration.calibrating",
     "read_camera": "scene4d.formats.cameras",
     "search": "scene4d.searching",

@@ -36,6 +36,7 @@ PROMISED = {
     "search": (
         "--top --min-score --min-probability --catalogue --zones --footage --out --actev --json"
     ),
+    "align": "--out --anchor --max-offset --json",
     "evaluate pets": "--data --out --json",
     "evaluate towncentre": "--data --out --json",
     "evaluate virat": "--data --clip --image-size --out --json",

@@ -52,6 +52,9 @@ def identified(cameras: Sequence[Passages]) -> Identities:
     """Which tracks of several cameras are one and the same, numbered in the order in which they
     begin. Every track gets a number.
     """
+    if not any(len(one) for one in cameras):
+        nobody = np.zeros(0, np.int64)
+        return Identities(np.zeros(0, "U1"), nobody, nobody, np.zeros(0))
     base: list[int] = np.cumsum([0, *(len(one) for one in cameras)]).tolist()
     group = _Groups(cameras, base)
     together = [

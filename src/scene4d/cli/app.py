@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from scene4d.cli.activities import activities
+from scene4d.cli.align import align
 from scene4d.cli.arguments import reflowed
 from scene4d.cli.calibrate import calibrate
 from scene4d.cli.command import envelope, usage_envelope
@@ -87,6 +88,9 @@ def scene4d(
     """Turn a fixed camera into a metric sensor, from the people who walk through its footage."""
 
 
-for _command in (calibrate, orientation, track, watch, search, activities, export, models, demo):
+for _command in (
+    *(calibrate, orientation, track, watch, align),
+    *(search, activities, export, models, demo),
+):
     app.command(help=reflowed(_command.__doc__))(_command)
 app.add_typer(evaluate)

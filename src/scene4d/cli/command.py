@@ -60,6 +60,8 @@ class Answer:
     """``show`` prints these too."""
     undetermined: str | None = None
     """Why the command ran but has no result: exit code 1."""
+    what: str = "camera"
+    """What is undetermined then."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,7 @@ def _run(name: str, work: Callable[[], Answer], messages: "_Messages", *, as_jso
 
 
 def _tell_undetermined(name: str, answer: Answer, messages: "_Messages", *, as_json: bool) -> int:
-    text = f"the camera is undetermined: {answer.undetermined}"
+    text = f"the {answer.what} is undetermined: {answer.undetermined}"
     if as_json:
         heard = (*messages.heard, *answer.warnings)
         failure = _failure("undetermined", text)

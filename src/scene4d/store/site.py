@@ -1,6 +1,6 @@
 """Sites: several cameras on one ground and one clock, with one number for each person and vehicle.
 
-    SITE/site.json             where the cameras stand (:mod:`scene4d.store._site_file`)
+    SITE/site.json             where the cameras stand (:mod:`scene4d.store.site_file`)
     SITE/identities.parquet    camera, track (as in its scene), identity, probability
     SITE/cameras/NAME.json     calibrations that were refined over what several cameras saw
 
@@ -27,17 +27,17 @@ from scene4d.core.tables import read_table
 from scene4d.core.tracks import Tracks
 from scene4d.store._question import Question, check_range, check_there
 from scene4d.store._regrounding import regrounded
-from scene4d.store._site_file import (
+from scene4d.store.fusing import fused
+from scene4d.store.query import Scene
+from scene4d.store.runs import Run, camera_identity
+from scene4d.store.schema import with_keypoints
+from scene4d.store.site_file import (
     IDENTITIES_FILE,
     SITE_FILE,
     SiteAnchor,
     SiteCamera,
     SiteFile,
 )
-from scene4d.store.fusing import fused
-from scene4d.store.query import Scene
-from scene4d.store.runs import Run, camera_identity
-from scene4d.store.schema import with_keypoints
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 STEP_S = 0.2
@@ -99,6 +99,10 @@ class Site:
     def open(cls, folder: "str | os.PathLike[str]") -> "Site":
         """Read a site; raises :class:`InputError` if there is none or its file is wrong."""
         return cls(Path(folder), SiteFile.load(Path(folder)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of ``site.json``."""
+        return self._said.to_dict(self.folder)
 
     @property
     def cameras(self) -> tuple[str, ...]:

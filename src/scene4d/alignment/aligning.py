@@ -1,0 +1,241 @@
+"""``align``: several scenes become one site: one ground, one clock, one number for each person."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scene4d.alignment._graph import Solution, solve
+from scene4d.alignment._identity import identified, passages_of
+from scene4d.alignment._options import AlignOptions
+from scene4d.alignment._pairs import Link, link
+from scene4d.alignment._paths import View, view_of
+from scene4d.alignment._reading import Watched, apart, site_start_ns, watched
+from scene4d.core.calibration import Calibration
+from scene4d.core.placement import Placement
+from scene4d.core.progress import Progress, Silent, timed
+from scene4d.core.tracks import Tracks
+from scene4d.store.site import Identities, Site, in_site
+from scene4d.store.site_file import SiteCamera, SiteFile
+from scene4d.store.site_writing import write_site
+
+_DRIFT_TOLD_S = 0.1
+"""Clocks that drift apart by less than this over the footage are not worth a word."""
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """What ``align`` found: the site, what each pair of cameras says, and in words what to mind.
+
+    False, with the ``reason``, if no two cameras could be placed.
+    """
+
+    site: Site
+    pairs: tuple[dict[str, Any], ...]
+    reason: str | None = None
+    warnings: tuple[str, ...] = ()
+    timings: dict[str, float] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return self.reason is None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Ready for ``json.dumps``: the cameras as in ``site.json``, the pairs, and counts."""
+        known = self.site.identities
+        several = {
+            number
+            for number in np.unique(known.identity).tolist()
+            if len(set(known.camera[known.identity == number].tolist())) > 1
+        }
+        return {
+            "site": str(self.site.folder),
+            **{k: v for k, v in self.site.to_dict().items() if k != "schema"},
+            "pairs": list(self.pairs),
+            "tracks": len(known),
+            "identities": len(np.unique(known.identity)),
+            "seen_by_several": len(several),
+            "reason": self.reason,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class _Read:
+    """A camera with what it tracked, on its clock; no tracks where nobody was seen."""
+
+    watched: Watched
+    calibration: Calibration
+    tracks: Tracks | None
+    view: View | None
+
+
+def align(
+    scenes: Sequence[str | Path],
+    out: str | Path,
+    options: AlignOptions | None = None,
+    *,
+    progress: Progress | None = None,
+    **more: Any,
+) -> Alignment:
+    """Find where the cameras of several scenes stand to each other, and write the site ``out``.
+
+    From the tracks alone: people whom two cameras saw tell where one lies to the other, how its
+    clock is off and by how much its metre differs. ``scenes`` are folders that ``track`` wrote.
+    Options are those of :class:`AlignOptions`, in one or by their names. What is not determined
+    says so, with the reason, in the site's file. Raises :class:`InputError` for scenes that cannot
+    be read, one that is given twice, and fewer than two cameras, and :class:`OutputError` where the
+    site cannot be written.
+    """
+    options = replace(options or AlignOptions(), **more)
+    progress = progress or Silent()
+    timings: dict[str, float] = {}
+    cameras, warnings = watched(scenes)
+    start_ns = site_start_ns(cameras)
+    with timed(timings, "read"), progress.stage("Reading tracks", len(cameras)) as step:
+        read = []
+        for one in cameras:
+            read.append(_read(one, start_ns))
+            step(1)
+    with timed(timings, "pairs"):
+        links = _links(read, start_ns, options, progress)
+    with timed(timings, "site"):
+        solution = _solved(read, links)
+        placements = _placements(read, solution, links)
+        warnings += _about(read, solution)
+    with timed(timings, "identities"), progress.stage("Recognising people", None):
+        identities = _identities(read, placements)
+    said = SiteFile(
+        {one.watched.name: _entry(one, at) for one, at in zip(read, placements, strict=True)},
+        start_ns,
+    )
+    with timed(timings, "write"):
+        write_site(Path(out), said, identities, refined={}, pictures={})
+    reason = None if any(placements) else _nothing(placements)
+    pairs = tuple(_told(one, read, solution) for one in links)
+    return Alignment(Site.open(out), pairs, reason, tuple(warnings), timings)
+
+
+def _read(one: Watched, start_ns: int | None) -> _Read:
+    calibration, tracks = one.calibration(), one.tracks(start_ns)
+    view = None if tracks is None else view_of(one.name, tracks, calibration)
+    return _Read(one, calibration, tracks, view)
+
+
+def _links(
+    read: Sequence[_Read], start_ns: int | None, options: AlignOptions, progress: Progress
+) -> list[Link]:
+    """What each two cameras say of each other."""
+    pairs = list(combinations(range(len(read)), 2))
+    found = []
+    bounds = (-options.max_offset_s, options.max_offset_s)
+    with progress.stage("Comparing cameras", len(pairs)) as step:
+        for i, j in pairs:
+            a, b = read[i], read[j]
+            reason = apart(a.watched, b.watched, start_ns, options.max_offset_s)
+            if reason is None and a.view is not None and b.view is not None:
+                found.append(link(a.view, b.view, (i, j), bounds))
+            else:
+                found.append(Link(i, j, reason=reason))
+            step(1)
+    return found
+
+
+def _solved(read: Sequence[_Read], links: Sequence[Link]) -> Solution | None:
+    """The site of the cameras in which anybody was tracked."""
+    there = [k for k, one in enumerate(read) if one.view is not None]
+    if not any(links):
+        return None
+    number = {k: place for place, k in enumerate(there)}
+    inside = [
+        replace(one, a=number[one.a], b=number[one.b])
+        for one in links
+        if one.a in number and one.b in number
+    ]
+    return solve([read[k].view for k in there], inside)  # type: ignore[misc]
+
+
+def _placements(
+    read: Sequence[_Read], solution: Solution | None, links: Sequence[Link]
+) -> list[Placement]:
+    found: list[Placement] = []
+    there = [k for k, one in enumerate(read) if one.view is not None]
+    for k, one in enumerate(read):
+        if one.view is None:
+            found.append(Placement.undetermined("nobody was tracked by this camera"))
+        elif solution is None:
+            found.append(Placement.undetermined(_why(k, links)))
+        else:
+            found.append(_at_middle(one, solution, there.index(k)))
+    return found
+
+
+def _at_middle(one: _Read, solution: Solution, place: int) -> Placement:
+    """A placement with the offset at the middle of the footage, where the clock drifts."""
+    found, drift = solution.placements[place], float(solution.drift[place])
+    if not found or drift == 0.0 or one.view is None:
+        return found
+    middle_s = float(np.mean([one.view.time_s.min(), one.view.time_s.max()]))
+    return replace(found, time_offset_s=found.time_offset_s + drift * middle_s)
+
+
+def _why(camera: int, links: Sequence[Link]) -> str:
+    """Why no pair places a camera: the most frequent reason."""
+    said = [str(one.reason) for one in links if camera in (one.a, one.b)]
+    return max(said, key=said.count)
+
+
+def _nothing(placements: Sequence[Placement]) -> str:
+    reasons = [str(one.reason) for one in placements]
+    return max(reasons, key=reasons.count)
+
+
+def _about(read: Sequence[_Read], solution: Solution | None) -> list[str]:
+    """What is to be minded: pairs that contradict the others, clocks that drift."""
+    if solution is None:
+        return []
+    there = [one for one in read if one.view is not None]
+    said = []
+    for one, reason in solution.rejected:
+        a, b = there[one.a].watched.name, there[one.b].watched.name
+        said.append(f"cameras {a!r} and {b!r}: left out, {reason}")
+    for camera, drift in zip(there, solution.drift.tolist(), strict=True):
+        assert camera.view is not None
+        span_s = float(np.ptp(camera.view.time_s))
+        if abs(drift) * span_s > _DRIFT_TOLD_S:
+            said.append(
+                f"camera {camera.watched.name!r}: its clock drifts by {drift * 3600:+.1f} s an hour "
+                f"against the site's; times are right in the middle of its footage and off by "
+                f"{abs(drift) * span_s / 2:.1f} s at its ends"
+            )
+    return said
+
+
+def _identities(read: Sequence[_Read], placements: Sequence[Placement]) -> Identities:
+    """Everybody whom a camera with a place saw."""
+    passages = [
+        passages_of(one.watched.name, in_place(one.tracks, at))
+        for one, at in zip(read, placements, strict=True)
+        if one.tracks is not None and at
+    ]
+    return identified(passages)
+
+
+def in_place(tracks: Tracks, placement: Placement) -> Tracks:
+    """Tracks of a camera on the site's ground and clock."""
+    return replace(in_site(tracks, placement), time_s=placement.times(tracks.time_s))
+
+
+def _entry(one: _Read, placement: Placement) -> SiteCamera:
+    runs = tuple(run.run for run in one.watched.runs)
+    return SiteCamera(one.watched.folder, one.watched.file, one.watched.camera, runs, placement)
+
+
+def _told(one: Link, read: Sequence[_Read], solution: Solution | None) -> dict[str, Any]:
+    """A pair for JSON."""
+    names = [read[k].watched.name for k in (one.a, one.b)]
+    said: dict[str, Any] = {"cameras": names, "status": "ok" if one else "undetermined"}
+    if not one:
+        return said | {"reason": one.reason}
+    return said | {"people_in_common": len(one.pairs), "score": one.score}

@@ -1,0 +1,175 @@
+"""Scenes in, a site out: places, clocks and numbers that are right, and a clear word where not."""
+
+import json
+import shutil
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+import scene4d
+from alignment.stored_worlds import scene_of
+from alignment.worlds import made_site
+from scene4d.alignment import AlignOptions, align, aligning
+from scene4d.alignment._graph import solve
+from scene4d.alignment._pairs import link
+from scene4d.alignment._paths import view_of
+from scene4d.core.errors import InputError
+from scene4d.store.site import Site
+
+NOON = datetime(2026, 11, 20, 12, tzinfo=UTC)
+
+
+@pytest.fixture(scope="module")
+def world():
+    return made_site(6, minutes=2.0)
+
+
+@pytest.fixture(scope="module")
+def scenes(world, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("world")
+    return [scene_of(folder / one.name, one) for one in world.seen]
+
+
+@pytest.fixture
+def known(world, monkeypatch):
+    """The pair of the world's cameras, which is worked out once."""
+    if not _LINKS:
+        views = [view_of(one.name, one.tracks, one.calibration) for one in world.seen]
+        _LINKS.append(link(*views))
+
+    def told(a, b, numbers, bounds):
+        return replace(_LINKS[0], a=numbers[0], b=numbers[1])
+
+    monkeypatch.setattr(aligning, "link", told)
+
+
+_LINKS: list = []
+
+
+@pytest.fixture(scope="module")
+def found(scenes):
+    return align(scenes, scenes[0].parent / "site", pictures=False)
+
+
+def test_two_cameras_become_a_site(found, world):
+    assert found and not found.warnings
+    site = found.site
+    assert scene4d.align is align and isinstance(site, Site)
+    assert site.cameras == ("cam0", "cam1")
+    placed, truth = site.placements["cam1"], world.seen[1].truth
+    apart = placed.parameters - truth.parameters
+    sigma = np.sqrt(np.diag(placed.covariance))
+    assert np.all(np.abs(apart) < 3.5 * sigma)
+    said = found.to_dict()
+    assert said["pairs"][0]["status"] == "ok" and said["pairs"][0]["people_in_common"] > 3
+    assert said["seen_by_several"] > 3
+    assert json.loads(json.dumps(said))["cameras"]["cam1"]["status"] == "ok"
+
+
+def test_who_was_seen_by_both_is_one_and_where_he_was(found, world):
+    site, known = found.site, found.site.identities
+    rows = [
+        site.camera_tracks(name, keypoints=False, tracks=np.unique(known.identity).tolist())
+        for name in site.cameras
+    ]
+    both = sorted(set(rows[0].track.tolist()) & set(rows[1].track.tolist()))
+    assert len(both) > 3
+    gaps = []
+    for number in both:
+        a, b = (one.select(one.track == number) for one in rows)
+        at = b.time_s[(b.time_s > a.time_s.min()) & (b.time_s < a.time_s.max())]
+        there = np.column_stack([np.interp(at, a.time_s, a.xy_m[:, k]) for k in (0, 1)])
+        near = b.xy_m[np.isin(b.time_s, at)]
+        gaps += np.hypot(*(near - there).T).tolist()
+    assert np.median(gaps) < 0.5
+    assert len(site.tracks()) < sum(map(len, rows))
+
+
+def test_clocks_that_are_known_are_only_corrected(world, tmp_path):
+    offset_s = world.seen[1].truth.time_offset_s
+    first = scene_of(tmp_path / "a", world.seen[0], start=NOON)
+    start = NOON + timedelta(seconds=offset_s - 2.0)
+    site = align([first, scene_of(tmp_path / "b", world.seen[1], start=start)], tmp_path / "site",
+                 pictures=False).site  # fmt: skip
+    assert site.start == min(NOON, start)
+    assert site.placements["cam1"].time_offset_s == pytest.approx(2.0, abs=0.2)
+
+
+def test_cameras_of_other_days_are_told_so(world, tmp_path):
+    first = scene_of(tmp_path / "a", world.seen[0], start=NOON)
+    other = scene_of(tmp_path / "b", world.seen[1], start=NOON + timedelta(days=1))
+    found = align([first, other], tmp_path / "site")
+    assert not found
+    assert "2026-11-20 12:00" in found.reason and "2026-11-21" in found.reason
+    assert Site.open(tmp_path / "site").cameras == ()
+    with pytest.raises(InputError, match="no camera of the site has a place"):
+        found.site.tracks()
+
+
+def test_a_camera_that_saw_nobody_is_undetermined(known, scenes, world, tmp_path):
+    nobody = world.seen[0].tracks.select(np.zeros(0, int))
+    empty = scene_of(tmp_path / "empty", world.seen[0], tracks=nobody, camera="dark")
+    found = align([*scenes, empty], tmp_path / "site", pictures=False)
+    assert found and "nobody" in found.site.placements["dark"].reason
+    assert found.site.cameras == ("cam0", "cam1")
+    with_nobody = align([scenes[0], empty], tmp_path / "other", pictures=False)
+    assert not with_nobody and "nobody was tracked" in with_nobody.reason
+
+
+def test_clocks_that_drift_apart_are_named(known, world, scenes, tmp_path, monkeypatch):
+    def drifting(views, links):
+        solution = solve(views, links)
+        return replace(solution, drift=np.array([0.0, 2e-3]))
+
+    monkeypatch.setattr(aligning, "solve", drifting)
+    found = align(scenes, tmp_path / "site", pictures=False)
+    (said,) = found.warnings
+    assert (
+        "'cam1': its clock drifts by +7.2 s an hour" in said and "off by 0.1 s at its ends" in said
+    )
+    times = world.seen[1].tracks.time_s
+    middle = found.site.placements["cam1"].time_offset_s - world.seen[1].truth.time_offset_s
+    assert middle == pytest.approx(2e-3 * (times.min() + times.max()) / 2, abs=0.15)
+
+
+def test_bad_input_gets_a_clear_word(known, scenes, world, tmp_path):
+    copy = shutil.copytree(scenes[0], tmp_path / "copy")
+    for given, word in (
+        ([scenes[0], scenes[0]], "there twice"),
+        ([scenes[0], copy], "same rows"),
+        ([scenes[0]], "one camera is no site"),
+        ([scenes[0], tmp_path], "holds no scene"),
+    ):
+        with pytest.raises(InputError, match=word):
+            align(given, tmp_path / "site")
+    with pytest.raises(InputError, match="max_offset_s"):
+        AlignOptions(max_offset_s=-1.0)
+    assert not (tmp_path / "site" / "site.json").exists()
+
+
+def test_runs_are_taken_or_left_with_a_word(known, world, tmp_path):
+    seen = world.seen[0]
+    scene = scene_of(tmp_path / "a", seen, start=NOON)
+    part = seen.tracks.select(seen.tracks.time_s < seen.tracks.time_s.min() + 40)
+    scene_of(tmp_path / "a", seen, tracks=part, run="again", start=NOON)
+    scene_of(tmp_path / "a", seen, tracks=part, run="whenever")
+    other = scene_of(tmp_path / "b", world.seen[1])
+    found = align([scene, other], tmp_path / "site", pictures=False)
+    text = " ".join(found.warnings)
+    assert "'again' left out: it is of the same time as 'run'" in text
+    assert "'whenever' left out: when it began is not known" in text
+    assert found.site.placed("cam0").runs == ("run",)
+
+
+def test_cameras_of_one_name_are_told_apart_by_their_scenes(known, world, tmp_path):
+    scenes = [scene_of(tmp_path / place / "s", one, camera="cam") for place, one in
+              zip("ab", world.seen, strict=True)]  # fmt: skip
+    with pytest.raises(InputError, match="'s/cam' is there twice"):
+        align(scenes, tmp_path / "site")
+    scenes = [scene_of(tmp_path / place, one, camera="cam") for place, one in
+              zip("cd", world.seen, strict=True)]  # fmt: skip
+    site = align(scenes, tmp_path / "site", pictures=False).site
+    assert site.cameras == ("c/cam", "d/cam")
+    assert len(site.camera_tracks("d/cam"))
