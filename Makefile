@@ -25,7 +25,7 @@ PIP := PIP_NO_INPUT=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignor
 	$(BIN)/python -m pip --quiet
 INSTALL := $(CONSTRAINED) $(PIP) install --no-compile
 
-.PHONY: help demo test lint types layers pytest format bench install-size clean
+.PHONY: help demo test lint types layers browser pytest format bench install-size clean
 .DELETE_ON_ERROR:
 
 help:
@@ -46,7 +46,13 @@ types: $(DEV)
 layers: $(DEV)
 	$(BIN)/lint-imports
 
-pytest: $(DEV)
+# Tests of the page run in Debian's Chromium. Without it they are skipped, which fails in CI.
+browser:
+	@command -v chromium >/dev/null || [ "$$(id -u)" != 0 ] || ! command -v apt-get >/dev/null || \
+	{ echo "installing chromium (once; about 300 MB)"; apt-get -qq update && \
+	DEBIAN_FRONTEND=noninteractive apt-get -qq install --no-install-recommends --yes chromium >/dev/null; }
+
+pytest: $(DEV) browser
 	$(BIN)/python -m pytest -n $(JOBS) $(TESTS)
 
 format: $(DEV)

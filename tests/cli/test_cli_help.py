@@ -44,6 +44,7 @@ PROMISED = {
     "evaluate custom": "--camera --reference --points --image-size --out --json",
     "export": "--to --out --from --image-size --run --anchor --json",
     "activities": "--catalogue --json",
+    "view": "--out --search --zones --footage --no-video --json",
     "models": "--json",
     "demo": "--out --json",
 }

@@ -37,9 +37,9 @@ from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
 from scene4d.searching.activities.search import find
 from scene4d.searching.language import Query, Window
-from scene4d.searching.pages._footage import NoFootage, footage_of
 from scene4d.searching.result import actev_files, clip_time
 from scene4d.searching.stages import stage_of, thinned
+from scene4d.store.footage import NoFootage, footage_of
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
 
@@ -532,7 +532,7 @@ def test_the_page_finds_the_footage_of_the_run(tmp_path, footage):
     assert "<video" in written(Scene.open(folder), tmp_path / "out")
     footage.unlink()
     html = written(Scene.open(folder), tmp_path / "out")
-    assert f"no longer at {footage}. Search again with footage, the file or the folder" in html
+    assert f"no longer at {footage}. Pass footage: the file, or the folder, where" in html
 
 
 def test_footage_that_is_not_there_is_an_error_before_anything_is_done(gate, tmp_path):

@@ -28,12 +28,12 @@ from scene4d.searching.pages._clip import (
     mp4,
     stills,
 )
-from scene4d.searching.pages._footage import NoFootage
 from scene4d.searching.pages._page import search_html
 from scene4d.searching.pages._plan import plan_svg
 from scene4d.searching.pages._rings import Ring, Rings
 from scene4d.searching.predicates import NEAR_TAU_M
 from scene4d.searching.result import FoundEvent, SearchResult, why_groups
+from scene4d.store.footage import NoFootage
 from scene4d.store.query import Scene
 
 SIZE = (640, 480)

@@ -13,8 +13,8 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Tracks
-from scene4d.searching.pages._footage import footage_of
 from scene4d.store import Scene
+from scene4d.store.footage import footage_of
 from scene4d.store.log import Look
 from scene4d.tracking import TrackOptions, track, watching
 from scene4d.tracking.annotated import looks_of

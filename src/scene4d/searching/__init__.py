@@ -2,14 +2,18 @@
 
 from scene4d.searching._asking import Asked, SearchOptions, understand, understand_all
 from scene4d.searching._entry import answer, search
+from scene4d.searching._places import Place, Places, read_places
 from scene4d.searching.result import FoundEvent, SearchResult
 
 __all__ = [
     "Asked",
     "FoundEvent",
+    "Place",
+    "Places",
     "SearchOptions",
     "SearchResult",
     "answer",
+    "read_places",
     "search",
     "understand",
     "understand_all",

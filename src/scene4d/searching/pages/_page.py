@@ -11,9 +11,10 @@ from scene4d.core.staging import staged
 from scene4d.searching.language import explain
 from scene4d.searching.pages._clip import Clip, jpeg, mp4, stills
 from scene4d.searching.pages._course import course_svg
-from scene4d.searching.pages._footage import NoFootage, clips_of
+from scene4d.searching.pages._footage import clips_of
 from scene4d.searching.pages._plan import plan_svg, role_colours
 from scene4d.searching.result import SEARCH_SCHEMA, FoundEvent, SearchResult, why_groups
+from scene4d.store.footage import NoFootage
 
 _PAGE, _EVENTS = "search.html", "events.json"
 _STILL_PX = 150

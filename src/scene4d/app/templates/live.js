@@ -1,0 +1,61 @@
+// With a server: rows and footage are fetched, and what is new comes by itself.
+import { $, announce, on, run, state, tell, world } from "./state.js";
+import { Rows } from "./tracks.js";
+import { placesJson, readPlaces } from "./places.js";
+
+const OVERLAP_S = 8; // the newest rows are provisional: the smoother may still move them
+
+export async function fetchRows(now, sinceS = null) {
+  const since = sinceS === null ? "" : `?since_s=${sinceS}`;
+  const answer = await fetch(`${world.data.api}/runs/${encodeURIComponent(now.said.run)}/rows${since}`);
+  if (!answer.ok) throw new Error(`the rows of ${now.said.run} cannot be read`);
+  return new Rows(await answer.json(), now.said.step_s);
+}
+
+export function startLive() {
+  if (!world.data.api) return;
+  fetchPlaces();
+  on("places-changed", savePlaces);
+  const source = new EventSource(`${world.data.api}/live`);
+  source.addEventListener("run", (event) => grown(JSON.parse(event.data)));
+  source.addEventListener("alert", (event) => alerted(JSON.parse(event.data)));
+  source.onopen = () => ($("live").dataset.state = "connected");
+  source.onerror = () => ($("live").dataset.state = "lost");
+  $("live").hidden = false;
+}
+
+async function grown(said) {
+  const now = world.runs.find((one) => one.said.run === said.run);
+  if (!now) return announce(`A new run of ${said.camera} has begun: load the page again to see it.`);
+  const live = state.ms >= now.end - 1500;
+  const since = Math.max(0, now.rows.end / 1000 - OVERLAP_S);
+  now.replaceRows(now.rows.merged(await fetchRows(now, since), 1000 * since));
+  if (now === run()) {
+    if (live && !state.playing) state.ms = now.end;
+    tell("rows");
+    tell("time");
+  }
+}
+
+function alerted(event) {
+  const now = world.runs.find((one) => one.said.run === event.run);
+  if (!now) return;
+  now.watched = now.watched.filter((one) => one.id !== event.id);
+  if (event.state !== "withdrawn") now.watched.push(event);
+  if (event.state === "provisional") announce(`${event.activity}: ${Object.entries(event.roles).map((pair) => pair.join(" ")).join(", ")}`);
+  tell("searches");
+}
+
+async function fetchPlaces() {
+  const answer = await fetch(`${world.data.api}/places`);
+  if (!answer.ok) return;
+  world.places = readPlaces(await answer.json());
+  tell("places");
+}
+
+async function savePlaces() {
+  const answer = await fetch(`${world.data.api}/places`, {
+    method: "PUT", headers: { "Content-Type": "application/json" }, body: JSON.stringify(placesJson()),
+  });
+  if (!answer.ok) announce((await answer.json()).error.message);
+}

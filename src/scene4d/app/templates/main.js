@@ -1,0 +1,160 @@
+// Begin: the data into runs, the parts of the page onto them.
+import { $, draw, element, on, passes, run, set, state, tell, world } from "./state.js";
+import { Camera } from "./camera.js";
+import { Rows } from "./tracks.js";
+import { bytesOf } from "./packed.js";
+import { areaOf } from "./scenery.js";
+import { forgetColours } from "./look.js";
+import { startPicture } from "./picture.js";
+import { startPlan } from "./plan.js";
+import { startTimeline } from "./timeline.js";
+import { follow, startClock } from "./clock.js";
+import { startTools } from "./tools.js";
+import { startTables } from "./tables.js";
+import { startPanel } from "./panel.js";
+import { startSearch } from "./search.js";
+import { readPlaces } from "./places.js";
+import { fetchRows, startLive } from "./live.js";
+import { startKeys } from "./keys.js";
+
+class Run {
+  constructor(said, camera, number) {
+    this.said = said;
+    this.camera = camera;
+    this.number = number;
+    this.version = 0;
+    this.events = [];
+    this.watched = said.watched || [];
+    this.viewReady = false;
+    this.areaVersion = 0;
+    this.replaceRows(new Rows(said.data || { rows: 0, tracks: [] }, said.step_s));
+    said.data = null;
+  }
+
+  replaceRows(rows) {
+    this.rows = rows;
+    this.version++;
+    this.begin = 1000 * Math.min(this.said.begin_s, rows.begin / 1000);
+    this.end = Math.max(this.begin + 100, 1000 * this.said.end_s, rows.end);
+    if (!this.area || !this.area.whole) {
+      this.area = areaOf(rows, this.camera);
+      this.area.whole = rows.count > 0;
+      this.areaVersion++;
+      this.photo = null;
+    }
+    this.footUv = null;
+    this.kept = null;
+  }
+
+  // Who is there now and passes the filter.
+  there() {
+    const key = `${state.ms} ${this.version} ${JSON.stringify(state.filter)}`;
+    if (!this.kept || this.kept.key !== key) {
+      const found = this.rows.at(state.ms).filter((one) => passes(this.rows.brief[one.k]));
+      this.kept = { key, found: found.map((one) => this.rows.state(one)) };
+    }
+    return this.kept.found;
+  }
+
+  // Where every row's place on the ground is seen.
+  feet() {
+    if (!this.footUv) {
+      const { x_m: x, y_m: y } = this.rows.columns;
+      this.footUv = new Float32Array(2 * this.rows.count).fill(NaN);
+      for (let i = 0; i < this.rows.count; i++) {
+        const uv = Number.isFinite(x[i]) ? this.camera.project(x[i], y[i], 0) : null;
+        if (uv) this.footUv.set(uv, 2 * i);
+      }
+    }
+    return this.footUv;
+  }
+}
+
+function loadMedia(now) {
+  const api = world.data.api;
+  const name = encodeURIComponent(now.said.run);
+  const source = (kind, type) => {
+    if (api) return now.said[kind] ? `${api}/runs/${name}/${kind}` : null;
+    const holder = $(`${kind}-${now.number}`);
+    return holder ? URL.createObjectURL(new Blob([bytesOf(holder.textContent)], { type })) : null;
+  };
+  const view = source("view", "image/jpeg");
+  if (view) {
+    const image = new Image();
+    image.onload = () => {
+      now.view = image;
+      now.viewReady = true;
+      draw();
+    };
+    image.src = view;
+  }
+  const video = source("video", "video/mp4");
+  if (video) {
+    const player = element("video", { preload: "auto", playsinline: true });
+    player.muted = true;
+    player.src = video;
+    now.video = player;
+    player.addEventListener("error", () => (now.video = null));
+    follow(now);
+  }
+  now.loaded = true;
+}
+
+function showRun() {
+  const now = run();
+  if (!now.loaded) loadMedia(now);
+  $("run-choice").value = String(state.run);
+  $("note").textContent = now.said.note || "";
+  $("note").hidden = !now.said.note;
+  $("picture").setAttribute("aria-label", `Footage of camera ${now.said.camera} with ${now.rows.brief.length} tracks drawn over it`);
+  $("plan").setAttribute("aria-label", `The ground seen by camera ${now.said.camera} from above, in metres`);
+  document.documentElement.style.setProperty("--picture-ratio", String(now.camera.size[0] / now.camera.size[1]));
+  if (world.data.api && !now.rows.count) {
+    fetchRows(now).then((rows) => {
+      now.replaceRows(rows);
+      tell("rows");
+      tell("run");
+    });
+  }
+}
+
+function startTheme() {
+  const root = document.documentElement;
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const show = (theme) => {
+    root.dataset.theme = theme;
+    forgetColours();
+    draw();
+  };
+  show(dark.matches ? "dark" : "light");
+  dark.addEventListener("change", () => show(dark.matches ? "dark" : "light"));
+  $("theme").addEventListener("click", () => show(root.dataset.theme === "dark" ? "light" : "dark"));
+}
+
+function begin() {
+  world.data = JSON.parse($("data").textContent);
+  world.searches = world.data.searches || [];
+  world.places = readPlaces(world.data.places);
+  world.marks = [];
+  const cameras = Object.fromEntries(Object.entries(world.data.cameras).map(([name, said]) => [name, new Camera(said)]));
+  world.runs = world.data.runs.map((said, i) => new Run(said, cameras[said.camera], i));
+  $("run-choice").append(...world.data.runs.map((said, i) => element("option", { value: i }, `${said.camera}, ${said.run}`)));
+  $("run-choice").addEventListener("change", () => set("run", Number($("run-choice").value)));
+  $("choice").hidden = world.runs.length < 2;
+  startTheme();
+  startPicture();
+  startPlan();
+  startTimeline();
+  startClock();
+  startTools();
+  startTables();
+  startPanel();
+  startSearch();
+  startKeys();
+  on("run", showRun);
+  tell("run");
+  startLive();
+  document.documentElement.dataset.ready = "true";
+}
+
+begin();

@@ -1,0 +1,274 @@
+// The ground from straight above, in metres.
+import { $, on, passes, run, state } from "./state.js";
+import { Cached, Viewport } from "./viewport.js";
+import { colour, label, niceStep } from "./look.js";
+import { groundPhoto, heatMap, layer } from "./scenery.js";
+import { cornersOf, ellipse } from "./picture.js";
+import { marksOnPlan } from "./tools.js";
+
+const NEAR_PX = 18;
+const TRAIL_MS = 8000;
+let view = null;
+let paths = null;
+let below = null;
+
+export function startPlan() {
+  view = new Viewport($("plan"), () => {
+    const [x0, y0, x1, y1] = run() ? run().area : [-10, 0, 10, 20];
+    return [x0, -y1, x1, -y0];
+  });
+  paths = new Cached(view);
+  below = new Cached(view);
+  on("run", () => view.reset());
+  on("draw", paintPlan);
+  return view;
+}
+
+export const planView = () => view;
+
+export const onPlan = (x, y) => view.to(x, -y);
+
+export function planPoint(px, py) {
+  const [x, y] = view.from(px, py);
+  return [x, -y];
+}
+
+function paintPlan() {
+  const now = run();
+  if (!now || !view.width) return;
+  const context = view.begin();
+  const look = document.documentElement.dataset.theme;
+  const key = `${state.run} ${state.photo} ${now.viewReady} ${now.areaVersion} ${look}`;
+  below.show(key, (made) => paintGround(made, now));
+  if (layer("heat")) paintHeat(context, now);
+  if (layer("paths")) paths.show(`${state.run} ${now.version} ${look} ${JSON.stringify(state.filter)}`, (made) => paintPaths(made, now));
+  const there = now.there();
+  if (layer("paths")) there.forEach((one) => paintTrail(context, now, one));
+  paintSelected(context, now);
+  there.forEach((one) => paintOne(context, one));
+  marksOnPlan(context, onPlan, now);
+  paintScale(context);
+}
+
+function lineTo(context, points) {
+  context.beginPath();
+  points.forEach((point, i) => context[i ? "lineTo" : "moveTo"](...onPlan(...point)));
+}
+
+function paintGround(context, now) {
+  const [x0, y0, x1, y1] = now.area;
+  if (state.photo && now.view) {
+    now.photo ??= groundPhoto(now.camera, now.view, now.area);
+    const [a, b] = onPlan(x0, y1);
+    context.globalAlpha = 0.55;
+    context.filter = "saturate(0.55)";
+    context.drawImage(now.photo, a, b, (x1 - x0) * view.scale, (y1 - y0) * view.scale);
+    context.filter = "none";
+    context.globalAlpha = 1;
+  }
+  paintGrid(context);
+  paintCamera(context, now.camera, Math.max(y1 - y0, x1 - x0));
+}
+
+function paintGrid(context) {
+  const [ax, ay] = planPoint(0, view.height);
+  const [bx, by] = planPoint(view.width, 0);
+  const step = niceStep(70 / view.scale);
+  context.lineWidth = 1;
+  context.font = "11px system-ui, sans-serif";
+  const digits = step < 1 ? 1 : 0;
+  for (let x = Math.ceil(ax / step) * step; x <= bx; x += step) {
+    const [px] = onPlan(x, 0);
+    gridLine(context, px, 0, px, view.height);
+    context.fillText(`${(x + 0).toFixed(digits)}`, px + 3, view.height - 4);
+  }
+  for (let y = Math.ceil(ay / step) * step; y <= by; y += step) {
+    const [, py] = onPlan(0, y);
+    gridLine(context, 0, py, view.width, py);
+    context.fillText(`${(y + 0).toFixed(digits)}`, 3, py - 3);
+  }
+}
+
+function gridLine(context, ...ends) {
+  context.strokeStyle = colour("grid");
+  context.fillStyle = colour("soft");
+  context.beginPath();
+  context.moveTo(Math.round(ends[0]) + 0.5, Math.round(ends[1]) + 0.5);
+  context.lineTo(Math.round(ends[2]) + 0.5, Math.round(ends[3]) + 0.5);
+  context.stroke();
+}
+
+function paintCamera(context, camera, reach) {
+  const [width, height] = camera.size;
+  const [cx, cy] = camera.centre;
+  const edge = [];
+  const far = 3 * reach;
+  const add = (u, v) => {
+    const place = camera.locate(u, v, 0);
+    const away = place ? Math.hypot(place[0] - cx, place[1] - cy) : Infinity;
+    if (place && away <= far) edge.push(place);
+    else if (place) edge.push([cx + ((place[0] - cx) * far) / away, cy + ((place[1] - cy) * far) / away]);
+  };
+  for (let i = 0; i <= 40; i++) add(0, (height * i) / 40);
+  for (let i = 0; i <= 40; i++) add((width * i) / 40, height - 1);
+  for (let i = 40; i >= 0; i--) add(width - 1, (height * i) / 40);
+  context.strokeStyle = colour("accent");
+  context.lineWidth = 1;
+  context.globalAlpha = 0.5;
+  context.setLineDash([2, 4]);
+  if (edge.length > 1) {
+    lineTo(context, edge);
+    context.stroke();
+  }
+  context.setLineDash([]);
+  context.globalAlpha = 1;
+  const ahead = Math.atan2(camera.R[2][1], camera.R[2][0]);
+  const [px, py] = onPlan(cx, cy);
+  context.save();
+  context.translate(px, py);
+  context.rotate(-ahead);
+  context.fillStyle = colour("accent");
+  context.strokeStyle = colour("card");
+  context.lineWidth = 1.5;
+  context.beginPath();
+  context.roundRect(-9, -5, 11, 10, 2);
+  context.moveTo(2, -2);
+  context.lineTo(9, -6);
+  context.lineTo(9, 6);
+  context.lineTo(2, 2);
+  context.stroke();
+  context.fill();
+  context.restore();
+}
+
+function paintHeat(context, now) {
+  const key = `${now.version} ${JSON.stringify(state.filter)}`;
+  if (now.heatKey !== key) {
+    now.heat = heatMap(now.rows, now.area, passes);
+    now.heatKey = key;
+  }
+  const [x0, y0, x1, y1] = now.area;
+  const [a, b] = onPlan(x0, y1);
+  context.imageSmoothingQuality = "high";
+  context.drawImage(now.heat.canvas, a, b, (x1 - x0) * view.scale, (y1 - y0) * view.scale);
+  label(context, `darkest: ${now.heat.most < 10 ? now.heat.most.toFixed(1) : Math.round(now.heat.most)} s per m²`, 30, 26);
+}
+
+function paintPaths(context, now) {
+  context.lineWidth = 1.1;
+  context.globalAlpha = 0.38;
+  for (const brief of now.rows.brief) {
+    if (!passes(brief)) continue;
+    context.strokeStyle = colour(brief.kind);
+    strokeRows2(context, now.rows, now.rows.starts[brief.k], now.rows.starts[brief.k + 1]);
+  }
+  context.globalAlpha = 1;
+}
+
+function strokeRows2(context, rows, first, last) {
+  const { x_m: xs, y_m: ys } = rows.columns;
+  let [drawing, ax, ay] = [false, 0, 0];
+  context.beginPath();
+  for (let i = first; i < last; i++) {
+    if (!Number.isFinite(xs[i])) {
+      drawing = false;
+      continue;
+    }
+    const [x, y] = onPlan(xs[i], ys[i]);
+    if (drawing && Math.abs(x - ax) + Math.abs(y - ay) < 1.5 && i + 1 < last) continue;
+    if (drawing) context.lineTo(x, y); else context.moveTo(x, y);
+    [drawing, ax, ay] = [true, x, y];
+  }
+  context.stroke();
+}
+
+function paintTrail(context, now, one) {
+  let first = one.row;
+  while (first > now.rows.starts[one.k] && now.rows.time[first] > state.ms - TRAIL_MS) first--;
+  context.strokeStyle = colour(one.brief.kind);
+  context.lineWidth = 2.2;
+  strokeRows2(context, now.rows, first, one.row + 1);
+}
+
+function paintSelected(context, now) {
+  const k = now.rows.byNumber.get(state.selected);
+  if (k === undefined) return;
+  context.strokeStyle = colour(now.rows.brief[k].kind);
+  context.lineWidth = 3;
+  strokeRows2(context, now.rows, now.rows.starts[k], now.rows.starts[k + 1]);
+}
+
+function paintOne(context, one) {
+  if (!Number.isFinite(one.xy[0])) return;
+  const lit = state.hover === one.brief.track || state.selected === one.brief.track;
+  context.strokeStyle = context.fillStyle = colour(one.brief.kind);
+  if (layer("sigma")) paintSigma(context, one);
+  const corners = cornersOf(one);
+  const [x, y] = onPlan(...one.xy);
+  if (corners) {
+    lineTo(context, [...corners, corners[0]].map(([a, b]) => [a, b]));
+    context.globalAlpha = 0.3;
+    context.fill();
+    context.globalAlpha = 1;
+    context.lineWidth = lit ? 3 : 1.6;
+    context.stroke();
+  }
+  const speed = Math.hypot(...one.velocity);
+  if (speed > 0.2) {
+    const [tx, ty] = onPlan(one.xy[0] + one.velocity[0], one.xy[1] + one.velocity[1]);
+    context.lineWidth = 1.6;
+    context.beginPath();
+    context.moveTo(x, y);
+    context.lineTo(tx, ty);
+    context.stroke();
+  }
+  context.beginPath();
+  context.arc(x, y, lit ? 7 : 5, 0, 7);
+  if (one.observed) context.fill();
+  context.lineWidth = 1.5;
+  context.strokeStyle = one.observed ? colour("card") : colour(one.brief.kind);
+  context.stroke();
+  if (lit) label(context, `${one.brief.class} ${one.brief.track}`, x + 9, y - 6);
+}
+
+function paintSigma(context, one) {
+  for (const [kind, dashes] of [["whole", [3, 4]], ["own", []]]) {
+    const ring = ellipse(one, one[kind], 40);
+    if (!ring) continue;
+    context.lineWidth = 1.2;
+    context.setLineDash(dashes);
+    lineTo(context, ring);
+    context.globalAlpha = 0.25;
+    if (kind === "own") context.fill();
+    context.globalAlpha = 1;
+    context.stroke();
+  }
+  context.setLineDash([]);
+}
+
+function paintScale(context) {
+  const step = niceStep(60 / view.scale);
+  const wide = step * view.scale;
+  const [x, y] = [view.width - wide - 14, view.height - 16];
+  context.strokeStyle = colour("ink");
+  context.fillStyle = colour("ink");
+  context.lineWidth = 2;
+  context.beginPath();
+  context.moveTo(x, y);
+  context.lineTo(x + wide, y);
+  context.stroke();
+  context.font = "600 11.5px system-ui, sans-serif";
+  context.textAlign = "center";
+  context.fillText(`${step} m`, x + wide / 2, y - 5);
+  context.textAlign = "left";
+}
+
+export function trackOnPlan(now, px, py) {
+  let [found, least] = [null, NEAR_PX];
+  for (const one of now.there()) {
+    const [x, y] = onPlan(...one.xy);
+    const away = Math.hypot(x - px, y - py);
+    if (away < least) [found, least] = [one, away];
+  }
+  return found;
+}

@@ -1,0 +1,116 @@
+// Events: those that were searched for, told while watching, or asked for now (serve).
+import { $, announce, element, on, run, set, state, tell, world } from "./state.js";
+import { clock, stopwatch } from "./look.js";
+import { seek } from "./clock.js";
+import { placesJson } from "./places.js";
+
+export function startSearch() {
+  on("run searches", gather);
+  $("ask").hidden = !world.data.api;
+  $("ask-none").hidden = Boolean(world.data.api);
+  $("ask").addEventListener("submit", (event) => {
+    event.preventDefault();
+    ask($("words").value.trim());
+  });
+}
+
+const spanned = (event, words) => ({
+  ...event, words, begin: 1000 * event.begin_s, end: 1000 * event.end_s,
+});
+
+// The events of the run that is shown, in order of time, and the lists of all searches.
+function gather() {
+  const now = run();
+  if (!now) return;
+  const searched = world.searches.flatMap((one) => one.events.map((event) => spanned(event, one.words)));
+  const told = now.watched.map((event) => spanned(event, event.activity));
+  now.events = [...searched.filter((event) => event.run === now.said.run), ...told].sort((a, b) => a.begin - b.begin);
+  const lists = world.searches.map((one, i) => searchList(one, i));
+  if (told.length) lists.push(element("section", {}, element("h3", {}, "Told while watching"), eventList(told)));
+  $("searches").replaceChildren(...lists);
+}
+
+function searchList(one, number) {
+  const remove = element("button", { class: "quiet", "aria-label": `Forget the search ${one.words}`, onclick: () => {
+    world.searches.splice(number, 1);
+    tell("searches");
+  } }, "Forget");
+  return element("section", {},
+    element("div", { class: "row" }, element("h3", {}, one.words), remove),
+    element("details", {}, element("summary", {}, "Understood as"), ...one.understood.map((line) => element("p", { class: "soft" }, line))),
+    element("p", { class: "soft" }, one.verdict),
+    ...one.notes.map((line) => element("p", { class: "soft small" }, line)),
+    eventList(one.events.map((event) => spanned(event, one.words))),
+  );
+}
+
+function eventList(events) {
+  return element("ol", { class: "events" }, ...events.map((event) => element("li", {}, eventButton(event), why(event))));
+}
+
+function eventButton(event) {
+  const number = world.runs.findIndex((one) => one.said.run === event.run);
+  const roles = Object.entries(event.roles).map(([role, track]) => `${role} ${track}`).join(", ");
+  const probability = event.probability === null || event.probability === undefined ? "" : `, probability ${event.probability.toFixed(2)}`;
+  const when = number < 0 ? stopwatch(event.begin) : clock(event.begin, world.runs[number]);
+  return element("button", { class: "event", onclick: () => goTo(event, number) },
+    element("span", { class: "figure" }, when),
+    element("span", {}, `${roles} for ${((event.end - event.begin) / 1000).toFixed(1)} s`),
+    element("span", { class: "soft" }, `score ${event.score.toFixed(2)}${probability}`),
+  );
+}
+
+function goTo(event, number) {
+  if (number >= 0) set("run", number);
+  set("selected", Object.values(event.roles)[0] ?? null);
+  seek(event.begin);
+}
+
+// Every predicate with its value, and over time where that is kept.
+function why(event) {
+  const list = element("ul", { class: "why" });
+  for (const [name, value] of Object.entries(event.why || {})) {
+    const course = event.course && event.course.values[name];
+    list.append(element("li", {},
+      element("span", { class: "small" }, name),
+      element("span", { class: "small figure" }, value === null ? "cannot be judged" : value.toFixed(2)),
+      course ? spark(event, course) : null,
+    ));
+  }
+  return element("details", {}, element("summary", {}, "Why"), list);
+}
+
+function spark(event, values) {
+  const times = event.course.time_s;
+  const [first, last] = [times[0], times[times.length - 1]];
+  const x = (s) => ((s - first) / Math.max(last - first, 1e-9)) * 200;
+  const make = (name, attributes) => {
+    const made = document.createElementNS("http://www.w3.org/2000/svg", name);
+    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    return made;
+  };
+  const svg = make("svg", { viewBox: "0 0 200 26", class: "spark", "aria-hidden": "true", preserveAspectRatio: "none" });
+  svg.append(make("rect", { x: x(event.begin_s), y: 0, width: Math.max(1, x(event.end_s) - x(event.begin_s)), height: 26, class: "during" }));
+  const points = values.map((value, i) => (value === null ? null : `${x(times[i]).toFixed(1)},${(24 - 22 * value).toFixed(1)}`));
+  svg.append(make("polyline", { points: points.filter(Boolean).join(" "), class: "course" }));
+  return svg;
+}
+
+async function ask(words) {
+  if (!words) return;
+  $("asked").textContent = "Searching";
+  try {
+    const answer = await fetch(`${world.data.api}/search`, {
+      method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ words, places: placesJson() }),
+    });
+    const said = await answer.json();
+    if (!answer.ok) throw new Error(said.error.message);
+    for (const one of said.searches.reverse()) world.searches.unshift(one);
+    const found = said.searches.reduce((sum, one) => sum + one.events.length, 0);
+    $("asked").textContent = "";
+    announce(`${found} event${found === 1 ? "" : "s"} found.`);
+    tell("searches");
+  } catch (error) {
+    $("asked").textContent = error.message;
+  }
+}

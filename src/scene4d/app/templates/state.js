@@ -1,0 +1,85 @@
+// What the page shows at the moment, and who is told when it changes.
+const listeners = new Map();
+
+export const LAYERS = [
+  ["boxes", "Boxes", true], ["feet", "Feet", true], ["paths", "Paths", true],
+  ["cuboids", "Cuboids", false], ["sigma", "Uncertainty", false], ["grid", "Ground grid", false],
+  ["horizon", "Horizon", false], ["heat", "Heat map", false], ["uprights", "Uprights", false],
+];
+
+export const state = {
+  run: 0, ms: 0, playing: false, speed: 1, tool: "look",
+  hover: null, selected: null, pointer: null, photo: true,
+  layers: Object.fromEntries(LAYERS.map(([name, , on]) => [name, on])),
+  filter: { kind: "all", fastest: 0, path: 0, words: "" },
+  tried: null, span: null,
+};
+
+export const world = { data: null, runs: [] };
+
+export function on(names, listener) {
+  for (const name of names.split(" ")) {
+    if (!listeners.has(name)) listeners.set(name, []);
+    listeners.get(name).push(listener);
+  }
+}
+
+export function tell(name) {
+  for (const listener of listeners.get(name) || []) listener();
+  if (name !== "draw") draw();
+}
+
+export function set(name, value) {
+  if (state[name] === value) return;
+  state[name] = value;
+  tell(name);
+}
+
+let asked = false;
+export function draw() {
+  if (asked) return;
+  asked = true;
+  requestAnimationFrame(() => {
+    asked = false;
+    tell("draw");
+  });
+}
+
+export function run() {
+  return world.runs[state.run];
+}
+
+export function passes(brief) {
+  const filter = state.filter;
+  if (filter.kind !== "all" && brief.kind !== filter.kind) return false;
+  if (brief.fastest < filter.fastest || brief.path < filter.path) return false;
+  return !filter.words || `${brief.class} ${brief.track}`.includes(filter.words.toLowerCase());
+}
+
+export function element(name, attributes = {}, ...children) {
+  const made = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (value === true) made.setAttribute(key, "");
+    else if (value !== false && value !== null && value !== undefined) made.setAttribute(key, value);
+  }
+  made.append(...children.filter((child) => child !== null));
+  return made;
+}
+
+export const $ = (id) => document.getElementById(id);
+
+let announced = 0;
+export function announce(text) {
+  $("said").textContent = text;
+  $("toast").textContent = text;
+  $("toast").classList.add("shown");
+  clearTimeout(announced);
+  announced = setTimeout(() => $("toast").classList.remove("shown"), 4000);
+}
+
+export function download(name, text, kind = "application/json") {
+  const link = element("a", { href: URL.createObjectURL(new Blob([text], { type: kind })), download: name });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}

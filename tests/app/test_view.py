@@ -1,0 +1,260 @@
+"""The page of a scene in a real browser: seen, measured, judged, drawn on."""
+
+import base64
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from playwright.sync_api import expect
+
+from app.pages import click, picture_at
+from finding_scenes import ENTERED_S, parked, people, write_scene
+from scene4d.app import ViewOptions, view
+from scene4d.app._contents import camera_of
+from scene4d.app._packing import packed
+from scene4d.app._page import MODULES, asset, script
+from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
+from scene4d.searching import SearchOptions, search
+from walks import CAMERA
+
+
+def test_the_page_opens_from_disk_plays_and_asks_for_no_address(opened, written):
+    page = opened.page
+    page.goto(written.as_uri())
+    assert page.locator("#now").inner_text() == "00:00.0"
+    page.keyboard.press(" ")
+    expect(page.locator("#now")).to_have_text(re.compile(r"00:0[1-9]"))
+    page.keyboard.press(" ")
+    stopped = page.locator("#now").inner_text()
+    page.keyboard.press("ArrowRight")
+    assert page.locator("#now").inner_text() > stopped
+    assert {url.partition(":")[0] for url in opened.asked} <= {"file", "blob", "data"}
+    assert written.stat().st_size < 15e6
+
+
+def test_a_click_on_the_timeline_goes_there_and_says_who_is_there(opened, written):
+    page = opened.page
+    page.goto(written.as_uri())
+    line = page.locator("#timeline")
+    box = line.bounding_box()
+    page.mouse.click(box["x"] + box["width"] * 10 / 29.9, box["y"] + 60)
+    assert line.get_attribute("aria-valuetext") == "00:10.0 of 00:29.9, 2 there"
+    # The pointer on the person of whom this is known: its box is where the camera sees it.
+    walker = next(one for one in people() if one.time_s[0] == 7.0)
+    row = int(np.argmin(np.abs(walker.time_s - 10.0)))
+    x1, y1, x2, y2 = walker.box_xyxy[row]
+    page.mouse.move(*picture_at(page, (x1 + x2) / 2, (y1 + y2) / 2))
+    tip = page.locator("#tip").inner_text()
+    assert tip.startswith("person 1\n")
+    x, y = walker.xy_m[row]
+    assert f"{x:.1f}, {y:.1f} m" in tip
+    assert "0.14 m" in tip  # 0.1 m along each axis
+
+
+def test_a_search_is_listed_and_leads_to_its_moment(opened, scene, written):
+    page = opened.page
+    page.goto(written.as_uri())
+    best = search(scene, "two people meet").events[0].event
+    page.locator(".event").first.click()
+    now = page.locator("#timeline").get_attribute("aria-valuetext")
+    assert now.startswith(f"00:{best.begin_s:04.1f}")
+    page.keyboard.press("p")
+    assert page.locator("#timeline").get_attribute("aria-valuetext") <= now
+
+
+def test_what_is_measured_in_the_picture_is_what_the_camera_locates(opened, written):
+    page = opened.page
+    page.goto(written.as_uri())
+    page.keyboard.press("m")
+    places = [click(page, 200, 330), click(page, 430, 300)]
+    xy, valid = CAMERA.locate(places)
+    assert valid.all()
+    said = page.locator("#marks strong").first.inner_text()
+    length, sigma = map(float, re.fullmatch(r"([\d.]+) ± ([\d.]+) m", said).groups())
+    assert length == pytest.approx(np.hypot(*(xy[0] - xy[1])), abs=0.006)
+    assert 0 < sigma < 0.2  # this camera is exact: what is left is the pointing
+    click(page, 320, 400)
+    assert "from the camera" in page.locator("#marks li").last.inner_text()
+    click(page, 320, 5)  # again on the ground, or not at all: this camera sees no horizon
+    assert page.locator("#marks li").count() == 2
+
+
+def test_a_zone_is_drawn_named_saved_and_searched_in(opened, scene, written, tmp_path):
+    page = opened.page
+    page.goto(written.as_uri())
+    page.keyboard.press("z")
+    corners = [(-1.5, 14.0), (2.5, 14.0), (2.5, 18.5), (-1.5, 18.5)]
+    uv, _ = CAMERA.project([[*corner, 0.0] for corner in corners])
+    for place in uv:
+        click(page, *place)
+    page.keyboard.press("Enter")
+    page.locator("#place-name").fill("bay")
+    page.keyboard.press("Enter")
+    with page.expect_download() as saving:
+        page.locator("#places-save").click()
+    saving.value.save_as(tmp_path / "zones.json")
+    points = json.loads((tmp_path / "zones.json").read_text())["zones"]["bay"]["points"]
+    assert np.abs(np.array(points) - corners).max() < 0.15  # a pixel of the screen
+    found = search(
+        scene, "a person enters the zone bay", SearchOptions(zones=tmp_path / "zones.json")
+    )
+    assert len(found) == 1
+    assert 7 < found.events[0].event.begin_s < ENTERED_S
+
+
+def test_another_horizon_is_tried_and_gives_the_file_to_calibrate_with(opened, written, tmp_path):
+    from scene4d.core.orientation import Orientation
+
+    page = opened.page
+    page.goto(written.as_uri())
+    page.keyboard.press("j")
+    page.locator("#try-tilt").fill("18.5")
+    page.locator("#try-roll").fill("1.5")
+    assert "--orientation orientation.json" in page.locator("#tried-command").inner_text()
+    with page.expect_download() as saving:
+        page.locator("#try-save").click()
+    saving.value.save_as(tmp_path / "orientation.json")
+    guess = Orientation.load(tmp_path / "orientation.json")
+    assert np.degrees([guess.tilt_rad, guess.roll_rad]) == pytest.approx([18.5, 1.5])
+    assert guess.focal_px == pytest.approx(CAMERA.focal_px)
+
+
+def test_layers_tracks_and_keys(opened, written):
+    page = opened.page
+    page.goto(written.as_uri())
+    for key in "123456789":
+        page.keyboard.press(key)
+    pressed = page.locator("#layers [aria-pressed=true]").all_inner_texts()
+    shown = "Cuboids, Uncertainty, Ground grid, Horizon, Heat map, Uprights, Plan photo"
+    assert ", ".join(pressed) == shown
+    page.locator("#tab-tracks").click()
+    assert page.locator("#tracks-count").inner_text() == "5 of 5 tracks"
+    page.locator("#filter-kind").select_option("person")
+    assert page.locator("#tracks-count").inner_text() == "4 of 5 tracks"
+    page.locator("#filter-path").fill("9")
+    assert page.locator("#tracks-count").inner_text() == "0 of 5 tracks"
+    page.locator("#help").click()
+    assert "play or pause" in page.locator("#helping").inner_text()
+
+
+def a_camera(rng: np.random.Generator) -> Camera:
+    """Any camera that looks at a ground, with a lens of either model."""
+    fisheye = bool(rng.integers(2))
+    distortion = rng.uniform(-0.12, 0.12, 5) * (1, 0.3, 0.02, 0.02, 0.05)
+    return Camera.from_pose(
+        image_size=(1280, 720),
+        focal_px=rng.uniform(500, 1500),
+        tilt_rad=rng.uniform(0.1, 1.3),
+        roll_rad=rng.uniform(-0.3, 0.3),
+        height_m=rng.uniform(2, 20),
+        distortion=distortion[:4] if fisheye else distortion,
+        distortion_model="fisheye" if fisheye else "pinhole",
+    )
+
+
+@pytest.fixture(scope="module")
+def in_browser(browser):
+    """Run a function of (Camera, said, values) with the page's own camera."""
+    page = browser.new_page()
+    code = re.sub(r"^export ", "", asset("camera.js"), flags=re.MULTILINE)
+
+    def answers(function: str, calibration: Calibration, values: list) -> list:
+        said = camera_of(calibration)
+        return page.evaluate(
+            f"([said, values]) => {{ {code}; const camera = new Camera(said); "
+            f"return values.map({function}); }}",
+            [said, values],
+        )
+
+    yield answers
+    page.close()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_pages_camera_locates_and_projects_as_pythons(in_browser, seed):
+    rng = np.random.default_rng(seed)
+    for _ in range(10):
+        camera = a_camera(rng)
+        calibration = Calibration.of_camera(camera)
+        uv = rng.uniform(0, (1279, 719), (40, 2))
+        xy, valid = camera.locate(uv)
+        found = in_browser("(uv) => camera.locate(...uv)", calibration, uv.tolist())
+        assert [one is not None for one in found] == valid.tolist()
+        near = valid & (np.hypot(*np.nan_to_num(xy).T) < 300)
+        theirs = np.array([one for one, kept in zip(found, near, strict=True) if kept])
+        assert np.abs(theirs - xy[near]).max() < 1e-3  # a millimetre
+        back = in_browser("(xy) => camera.project(...xy)", calibration, xy[near].tolist())
+        assert np.abs(np.array(back, float) - uv[near]).max() < 1e-3
+
+
+def test_the_pages_error_of_a_length_is_that_of_the_covariance(in_browser):
+    rng = np.random.default_rng(5)
+    checked = 0
+    for _ in range(12):
+        root = np.diag([0.05, 0.02, 0.01, 0.04, 0.005, 0.02, 0.02]) @ np.tri(7)
+        calibration = replace(Calibration.of_camera(a_camera(rng)), covariance=root @ root.T)
+        uv = rng.uniform((0, 300), (1279, 719), (2, 2))
+        xy, jacobian, valid = calibration.ground_jacobian(uv)
+        if not valid.all() or np.hypot(*xy.T).max() > 150:
+            continue
+        along = (xy[0] - xy[1]) / np.hypot(*(xy[0] - xy[1]))
+        slope = along @ (jacobian[0] - jacobian[1])
+        sigma = np.sqrt(slope @ calibration.parameter_covariance @ slope)
+        said = "(uv) => camera.sigma(distanceBetween, uv).camera"
+        assert in_browser(said, calibration, [uv.tolist()]) == [pytest.approx(sigma, rel=1e-3)]
+        checked += 1
+    assert checked > 6
+
+
+def test_numbers_are_packed_within_the_error_that_is_stated():
+    values = np.array([-3.2, np.nan, 17.25, 0.0])
+    column = packed({"x": values})["x"]
+    codes = np.frombuffer(base64.b64decode(column["codes"]), "<u2")
+    back = np.where(codes == 65_535, np.nan, column["offset"] + column["scale"] * codes)
+    assert np.array_equal(np.isnan(back), np.isnan(values))
+    assert 0 < np.nanmax(np.abs(back - values)) <= column["error"] < 2e-4
+
+
+HOSTILE = "</script><img src=x onerror=alert(1)>'\"&\u2028"
+
+
+def test_hostile_names_stay_words(opened, tmp_path):
+    words = {"source": f"{HOSTILE}.mp4", "rate_hz": 10}
+    folder = write_scene(tmp_path / "s", [parked()], camera=HOSTILE, run=HOSTILE, provenance=words)
+    write_scene(folder, people(), camera="<b>other</b>", run="<i>", provenance=words)
+    (tmp_path / "z.json").write_text(json.dumps({"zones": {HOSTILE: [[0, 9], [3, 9], [3, 12]]}}))
+    options = ViewOptions(zones=tmp_path / "z.json")
+    page = opened.page
+    page.on("dialog", lambda dialog: pytest.fail(dialog.message))
+    page.goto(view([folder], tmp_path / "page.html", options).as_uri())
+    assert f"{HOSTILE}, {HOSTILE}" in page.locator("#run-choice").text_content()
+    page.locator("#tab-places").click()
+    assert page.locator("#places .name").text_content() == HOSTILE
+    page.locator("#run-choice").select_option("1")
+    assert "no longer at" in page.locator("#note").inner_text()
+    assert page.locator("img").count() == 0
+
+
+def test_a_page_that_cannot_be_made_says_why(scene, tmp_path, monkeypatch):
+    with pytest.raises(InputError, match="no-such does not exist"):
+        ViewOptions(footage=tmp_path / "no-such")
+    monkeypatch.setattr("scene4d.app.viewing._MOST_ROWS", 100)
+    with pytest.raises(InputError, match=r"more than the 100 of a page; serve it"):
+        view([scene], tmp_path / "page.html")
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_modules_import_what_others_export():
+    """They are put together in one script, in which nothing would say that a name is missing."""
+    code = script()
+    assert "import {" not in code
+    for name in MODULES:
+        text = asset(f"{name}.js")
+        for wanted, other in re.findall(r'^import \{([^}]*)\} from "\./(\w+)\.js";$', text, re.M):
+            exported = asset(f"{other}.js")
+            for one in map(str.strip, wanted.split(",")):
+                assert re.search(rf"^export [a-z ]*{re.escape(one)}\W", exported, re.M), one
