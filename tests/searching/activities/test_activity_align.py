@@ -221,6 +221,15 @@ def test_stretching_over_what_denies_it_costs():
     assert found.log_score == pytest.approx(2 * np.log(0.99) + found.stretched)
 
 
+@pytest.mark.parametrize("likely", [0.05, 0.3, 0.9])
+def test_an_event_lasts_while_it_is_as_likely_as_its_core(likely):
+    p = likely * np.array([0.2, 0.2, 0.7, 1.0, 1.0, 0.9, 0.8, 0.3, 0.7])
+    ticks, spans = np.arange(len(p)), [Span(2, None, 0)]
+    _, found = align(Timeline(ticks, np.array([0])), *[np.log(p)[None]] * 2, spans, STEP_S, -9.0)[0]
+    assert found.core == ((3, 4),)
+    assert found.whole == ((2, 6),)
+
+
 @given(
     st.lists(st.floats(-5, 5), min_size=1, max_size=60),
     st.lists(st.tuples(st.integers(0, 59), st.integers(-3, 59)), min_size=1, max_size=30),

@@ -299,7 +299,7 @@ def test_names_of_the_catalogue_and_of_other_data_are_searches():
     for text in ("person_enters_vehicle", "vehicle_turns_left"):
         assert parsed(text).activity == catalogue()[text]
     exits = parsed("person_exits_scene_through_structure").activity
-    assert exits == catalogue()["person_leaves_scene"]
+    assert exits == catalogue()["person_leaves_through_structure"]
 
 
 def test_what_becomes_so_becomes_so_for_both_and_is_not_denied():

@@ -4,7 +4,8 @@ A phase is at least its *core*: the shortest time that it may last. Its probabil
 mean of its moments' there, so that length is not punished and one bad moment does not kill; an
 activity's is the product of its phases'. A phase may last longer than its core, as long as it may
 and as long as it is more likely than not; how well it does there decides between alignments only
-(:data:`STRETCH`), except that stretching a phase over what denies it costs probability.
+(:data:`STRETCH`), except that stretching a phase over what denies it costs probability. Before its
+first core and after its last one an event lasts while it is more than half as likely as there.
 
 With ``c_k[t]`` the log probability of a core of phase k that ends at moment t, and ``Q_k`` the sum
 of what it costs or brings to stretch phase k,
@@ -206,7 +207,8 @@ class _Table:
         missing = np.diff(moments.tick, prepend=moments.tick[:1]) - 1
         missing[moments.first] = 0
         denied = odds(np.log(np.array([FLOOR])))[0]
-        self.gain = STRETCH * step_s * (odds(log_judged) + denied * missing)
+        self.log_judged, self.denied = log_judged, denied * missing
+        self.gain = STRETCH * step_s * (odds(log_judged) + self.denied)
         self.stretch = np.cumsum(self.gain, axis=1)
         self.core_first: list[np.ndarray] = []
         self.value: list[np.ndarray] = []
@@ -274,7 +276,7 @@ class _Table:
         )
         whole = [(first, end) for (first, _), end in zip(core, ends, strict=True)]
         whole[0] = (self._stretched_back(core[0], whole[0][1]), whole[0][1])
-        whole[-1] = (whole[-1][0], self._stretched_on(whole[-1][0], core[-1][1]))
+        whole[-1] = (whole[-1][0], self._stretched_on(whole[-1][0], core[-1]))
         return Aligned(tuple(core), tuple(whole), total + cost, cost)
 
     def _stretched_before(self, number: int, first: int) -> tuple[int, int]:
@@ -298,20 +300,25 @@ class _Table:
         low = int(self.moments.back(np.array([first]), left)[0])
         if low == first:
             return first
-        # Beginning at s instead of at the core's first moment gains Q[first - 1] - Q[s - 1].
-        before = np.append(
-            self.stretch[0][low - 1] if low else 0.0, self.stretch[0][low : first - 1]
-        )
-        gains = self.stretch[0][first - 1] - before
+        gains = np.cumsum(self._own_gain(0, core, slice(low, first))[::-1])[::-1]
         return low + int(np.argmax(gains)) if gains.max() > 0 else first
 
-    def _stretched_on(self, begin: int, last: int) -> int:
+    def _own_gain(self, number: int, core: tuple[int, int], at: slice) -> Float[np.ndarray, "n"]:
+        """Log odds that moments belong to the event that has this core: its own moments do, likely
+        or not, and others as far as they are as likely.
+        """
+        core_mean = float(self.log_judged[number, core[0] : core[1] + 1].mean())
+        relative = self.log_judged[number, at] - core_mean
+        return np.asarray(odds(relative) + self.denied[at])
+
+    def _stretched_on(self, begin: int, core: tuple[int, int]) -> int:
         """Best end of the last phase if it begins at ``begin``."""
+        last = core[1]
         tick, longest = self.moments.tick, self.spans[-1].longest
         stop = int(self.moments.stop[self.moments.cast[last]])
         if longest is not None:
             stop = int(np.searchsorted(tick[begin:stop], tick[begin] + longest)) + begin
-        gains = self.stretch[-1][last + 1 : stop] - self.stretch[-1][last]
+        gains = np.cumsum(self._own_gain(len(self.spans) - 1, core, slice(last + 1, stop)))
         return last + 1 + int(np.argmax(gains)) if gains.max(initial=0.0) > 0 else last
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from scene4d.searching.predicates._body import arm_moving_down, arm_moving_up
 from scene4d.searching.predicates._crowd import alone, crowded
 from scene4d.searching.predicates._distance import between, far, near, same_place
+from scene4d.searching.predicates._entrances import at_entrance
 from scene4d.searching.predicates._motion import (
     moving,
     speed_above,
@@ -137,6 +138,7 @@ _ALL = (
     _predicate(appears_from, sizes=True),
     _predicate(disappears),
     _predicate(disappears_into, sizes=True),
+    _predicate(at_entrance),
     _predicate(inside),
     _predicate(crosses),
     _predicate(stooping),

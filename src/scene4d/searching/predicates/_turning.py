@@ -14,8 +14,10 @@ _TURN_SIGMA_RAD = np.radians(5.0)
 _U_TURN_WINDOW_S = 12.0
 _U_TURN_RAD = np.radians(130.0)
 _U_TURN_SIGMA_RAD = np.radians(15.0)
-_GEAR_M = 1.0
-"""Way that speaks for neither direction: who drives 1 m one way may as well have reversed."""
+_REVERSE_MPS, _REVERSE_POWER = 0.75, 3.0
+"""The odds that somebody drives backwards fall with the third power of the speed: of the stretches
+of motion on the tuning cameras 36 % below 1 m/s are driven backwards where nothing else says so,
+12 % at 1.75 m/s, none of 238 above 2 m/s (medians: 1.0 m/s backwards, 2.8 m/s forwards)."""
 _FLIP_SIGMA_RAD = np.radians(20.0)
 """How far from opposite a new direction may be that is driven in another gear; chosen by hand."""
 
@@ -96,11 +98,11 @@ def reversing(
 
     A heading that is taken from the motion cannot disagree with it, but a vehicle cannot turn on
     the spot either: where its direction of motion flips by more than 90° between two stretches of
-    motion, it has changed gear (probability on the circle, 20° for the word). Of the two gears the
-    one with the longer way is forwards: with ways L₁ and L₂, each plus 1 m for what was not seen,
-    its probability is ``L₁² / (L₁² + L₂²)``. So a vehicle that backs out and drives away reverses
-    at first, and one that is only seen to drive one way hardly ever does. The square is a rule of
-    thumb, no measurement. Where the track holds a heading of its own (with
+    motion, it has changed gear (probability on the circle, 20° for the word). Backwards one drives
+    slowly: the odds that a stretch of top speed v is driven backwards are ``(0.75 m/s / v)³``, and
+    those of a whole track, of either gear at its begin, are the product over its stretches. So a
+    vehicle that backs out and drives away reverses at first, and one that is only seen to drive
+    one way hardly ever does. Where the track holds a heading of its own (with
     ``heading_sigma_rad``) that opposes the motion, that counts as well. Times :func:`moving`.
     """
     gear = _backwards(a, speed_mps)
@@ -137,8 +139,8 @@ def _gears(stage: Stage, rows: np.ndarray) -> np.ndarray:
     begin = np.flatnonzero(np.append(True, cut))
     end = np.append(begin[1:], len(rows)) - 1
     stretch = np.cumsum(np.append(False, cut))
-    way = np.bincount(stretch, np.hypot(v[:, 0], v[:, 1])) * stage.step_s
     angle, sigma = direction(v, stage.tracks.velocity_covariance[rows])
+    fastest = np.maximum.reduceat(np.hypot(v[:, 0], v[:, 1]), begin)
     turn = wrapped(angle[begin[1:]] - angle[end[:-1]])
     doubt = np.sqrt(sigma[begin[1:]] ** 2 + sigma[end[:-1]] ** 2 + _FLIP_SIGMA_RAD**2)
     flip = 1 - angle_between(turn, doubt, -np.pi / 2, np.pi / 2)
@@ -150,8 +152,9 @@ def _gears(stage: Stage, rows: np.ndarray) -> np.ndarray:
     for at in np.flatnonzero(~fresh):
         sign[at] = sign[at - 1] * step[at]
     number = np.cumsum(fresh) - 1
-    same = np.bincount(number, way * (1 + sign) / 2) + _GEAR_M
-    opposite = np.bincount(number, way * (1 - sign) / 2) + _GEAR_M
-    first_forwards = (same**2 / (same**2 + opposite**2))[number]
-    first = (1 + sign) / 2
-    return np.asarray((first * (1 - first_forwards) + (1 - first) * first_forwards)[stretch])
+    top = np.full((2, number[-1] + 1), _REVERSE_MPS)
+    np.maximum.at(top, ((sign < 0).astype(int), number), fastest)
+    with_first, against = top**_REVERSE_POWER
+    first = (against / (with_first + against))[number]
+    with_it = (1 + sign) / 2
+    return np.asarray((with_it * first + (1 - with_it) * (1 - first))[stretch])

@@ -146,6 +146,17 @@ def _kept(stage: Stage, last: bool) -> _Ends:
     return kept[last]
 
 
+def unexplained_ends(
+    stage: Stage, last: bool
+) -> tuple[Int[np.ndarray, "k"], Float[np.ndarray, "k"]]:
+    """Row of the end (or begin) of each track that was seen, and P(neither border, clip nor
+    obstacle explains it): what :func:`disappears` (or :func:`appears`) is there.
+    """
+    ends = _kept(stage, last)
+    track = np.flatnonzero(ends.row >= 0)
+    return ends.row[track], ends.free[track] * (1 - ends.hidden[track, 0])
+
+
 def _end(a: StageRows, b: StageRows | None, last: bool, sigma_s: float) -> np.ndarray:
     ends, track = _kept(a.stage, last), a.stage.track_of_row[a.index]
     bump = np.exp(-(((a.time_s - ends.time_s[track]) / sigma_s) ** 2) / 2)
