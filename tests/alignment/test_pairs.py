@@ -1,5 +1,7 @@
 """Where a second camera lies to the first, from made sites with known truth; and refusals."""
 
+from functools import lru_cache
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,14 @@ def views(site):
     return [view_of(one.name, one.tracks, one.calibration) for one in site.seen]
 
 
+@lru_cache
+def linked(seed, **options):
+    """A made site, its views and what the two say of each other; kept, for it takes time."""
+    site = made_site(seed, **options)
+    seen = views(site)
+    return site, seen, link(*seen)
+
+
 def errors(placement, truth):
     """Estimate less truth, and the same in standard deviations."""
     apart = placement.parameters - truth.parameters
@@ -22,11 +32,9 @@ def errors(placement, truth):
 
 @pytest.mark.parametrize("seed", [3, 6])
 def test_finds_place_and_clock_from_people_alone(seed):
-    site = made_site(seed)
-    a, b = views(site)
-    found = link(a, b)
+    site, seen, found = linked(seed)
     assert found, found.reason
-    placement = solve([a, b], [found]).placements[1]
+    placement = solve(seen, [found]).placements[1]
     apart, sigmas = errors(placement, site.seen[1].truth)
     assert abs(apart[4]) < 0.15
     assert abs(apart[2]) < np.radians(5)
@@ -35,8 +43,7 @@ def test_finds_place_and_clock_from_people_alone(seed):
 
 
 def test_pairs_of_tracks_show_one_person():
-    site = made_site(6)
-    found = link(*views(site))
+    site, _, found = linked(6)
     person = [dict(zip(s.tracks.track.tolist(), s.who.tolist(), strict=True)) for s in site.seen]
     right = [person[0][a] == person[1][b] for a, b, _ in found.pairs]
     assert len(right) > 5
@@ -44,9 +51,8 @@ def test_pairs_of_tracks_show_one_person():
 
 
 def test_the_other_way_round_is_the_inverse():
-    site = made_site(6)
-    a, b = views(site)
-    there = solve([a, b], [link(a, b)]).placements[1]
+    _, (a, b), found = linked(6)
+    there = solve([a, b], [found]).placements[1]
     back = solve([b, a], [link(b, a)]).placements[1]
     assert abs(there.time_offset_s + back.time_offset_s) < 0.05
     assert abs(np.angle(np.exp(1j * (there.heading_rad + back.heading_rad)))) < 0.01

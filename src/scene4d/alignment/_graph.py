@@ -14,7 +14,9 @@ from jaxtyping import Float
 
 from scene4d.alignment._factor import DRIFT_SIGMA, POSE, Factor
 from scene4d.alignment._pairs import Link
-from scene4d.alignment._paths import MODES, View
+from scene4d.alignment._paths import MODES, View, covariance_root
+from scene4d.core.body import HEIGHT_SIGMA_M, PERSON_HEIGHT_M
+from scene4d.core.calibration import PARAMETERS
 from scene4d.core.placement import Placement
 
 _LOOP_GATE = 23.5
@@ -41,8 +43,8 @@ class Solution:
 
     placements: tuple[Placement, ...]
     errors: tuple[Float[np.ndarray, "k"], ...]
-    drift: Float[np.ndarray, "_"]
-    drift_sigma: Float[np.ndarray, "_"]
+    drift: Float[np.ndarray, "n"]
+    drift_sigma: Float[np.ndarray, "n"]
     groups: tuple[tuple[int, ...], ...]
     used: tuple[Link, ...]
     rejected: tuple[tuple[Link, str], ...]
@@ -125,7 +127,9 @@ def _estimate(
     covariance = np.linalg.inv(information)
     first = slots[group[0]]
     held = np.arange(first.start, first.start + POSE)
+    covariance += _of_the_metre(views, links, slots, point, covariance)
     covariance[held] = covariance[:, held] = 0.0
+    point[held] = 0.0
     for camera in group:
         if not drifting:
             at = slots[camera].start + POSE - 1
@@ -133,6 +137,35 @@ def _estimate(
     return point, covariance, slots
 
 
+def _of_the_metre(
+    views: Sequence[View],
+    links: Sequence[Link],
+    slots: dict[int, slice],
+    point: np.ndarray,
+    covariance: np.ndarray,
+) -> Float[np.ndarray, "u u"]:
+    """What it adds that all cameras have their metre from the same people.
+
+    Their scales are taken to err independently; but the mean height of the population is one
+    number for all, and so are the heights of people whom all saw. No camera ends up knowing its
+    height worse than by itself: one that knows it well brings its own metre.
+    """
+    people = max(sum(len(one.pairs) for one in links), 1)
+    variance = (_POPULATION_M**2 + HEIGHT_SIGMA_M**2 / people) / PERSON_HEIGHT_M**2
+    grown = np.zeros(len(point))
+    row = PARAMETERS.index("log_height")
+    for camera, at in slots.items():
+        root = covariance_root(views[camera].calibration)
+        left = covariance[at, at][POSE : POSE + MODES - 1, POSE : POSE + MODES - 1]
+        variance = min(variance, float(root[row] @ root[row] - root[row] @ left @ root[row]))
+        here = grown[at]
+        here[:2] = point[at][:2]
+        here[POSE : POSE + MODES - 1] = -np.linalg.pinv(root)[:, row]
+    return max(variance, 0.0) * np.outer(grown, grown)
+
+
+_POPULATION_M = 0.03
+"""Standard deviation (m) of a population's mean height: that of the options of calibrate."""
 _HELD = 1e12
 """Information that holds an unknown at zero."""
 

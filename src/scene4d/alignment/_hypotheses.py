@@ -25,8 +25,8 @@ _SCALE_SIGMA = 0.1
 _REACH = 9.0
 """Matches of a larger normalised remainder do not vote (chi-squared of a few facts)."""
 _PRODUCTS = 2_000_000
-"""Most comparisons per length of stretch. Of busier footage some spans of time are taken, whole, for
-people in common are met together."""
+"""Most comparisons per length of stretch. Of busier footage some spans of time are taken, whole,
+for people in common are met together."""
 _SPAN_S = 30.0
 _BLOCK = 500_000
 """Comparisons in memory at once."""
