@@ -10,7 +10,8 @@ from scene4d.alignment import _identity
 from scene4d.alignment._identity import identified, passages_of
 from scene4d.alignment._marginals import marginals
 from scene4d.core.tracks import Tracks
-from scene4d.store.site import Identities, in_site
+from scene4d.store.identities import Identities
+from scene4d.store.site import in_site
 from site_worlds import Eye, Walker, place, seen, strolls
 
 WEST = Eye("west", place(0, 0, 0), (-6, 0), 12.0, 0.1, 0.15)

@@ -18,7 +18,7 @@ from scene4d.alignment._sameness import TICK_S, Pairs, Passages, met
 from scene4d.alignment._transit import transits
 from scene4d.core.tracks import Tracks
 from scene4d.store.fusing import at_ticks
-from scene4d.store.site import Identities
+from scene4d.store.identities import Identities
 
 JOINED_AT = 0.5
 """Probability above which two tracks get one number: more likely one than two."""

@@ -18,7 +18,8 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.placement import Placement
 from scene4d.core.progress import Progress, Silent, timed
 from scene4d.core.tracks import Tracks
-from scene4d.store.site import Identities, Site, in_site
+from scene4d.store.identities import Identities
+from scene4d.store.site import Site, in_site
 from scene4d.store.site_file import SiteCamera, SiteFile
 from scene4d.store.site_writing import write_site
 
@@ -205,8 +206,8 @@ def _about(read: Sequence[_Read], solution: Solution | None) -> list[str]:
         span_s = float(np.ptp(camera.view.time_s))
         if abs(drift) * span_s > _DRIFT_TOLD_S:
             said.append(
-                f"camera {camera.watched.name!r}: its clock drifts by {drift * 3600:+.1f} s an hour "
-                f"against the site's; times are right in the middle of its footage and off by "
+                f"camera {camera.watched.name!r}: its clock drifts by {drift * 3600:+.1f} s an "
+                f"hour against the site's; times are right in the middle of its footage and off by "
                 f"{abs(drift) * span_s / 2:.1f} s at its ends"
             )
     return said

@@ -58,15 +58,14 @@ def align(
 
     Needs no clicks and no targets: who walks through two views tells where one lies to the other,
     how its clock is off, and by how much its metre differs. A camera that shares nobody is
-    undetermined, with the reason. People and vehicles get one number in all cameras.
-    docs/sites.md shows how.
+    undetermined, with the reason. People and vehicles get one number in all cameras. Search and
+    export take the site as they take a scene; docs/sites.md shows how.
 
     [bold]Examples[/bold]
 
       scene4d align hall-scene yard-scene gate-scene --out site
       scene4d align north south --out site --anchor points.csv
-      scene4d search site "person enters vehicle"
-      scene4d export site --to geojson --out people.geojson
+      scene4d align scenes/* --out site --max-offset 30 --json
     """
     from scene4d.alignment import AlignOptions
     from scene4d.alignment import align as align_scenes

@@ -25,8 +25,8 @@ def search(
     scenes: Annotated[
         list[Path],
         typer.Argument(
-            metavar="SCENE...",
-            help="Folders written by track: one scene or several.",
+            metavar="SCENE|SITE...",
+            help="Folders written by track: one scene or several; or one written by align.",
             show_default=False,
         ),
     ],
@@ -114,6 +114,7 @@ def search(
       scene4d search scene "vehicle stops" --min-probability 0.5 --json
       scene4d search scene "person enters vehicle" --top 1 --explain
       scene4d search scene "all activities" --actev found.json
+      scene4d search site "person enters vehicle"
     """
     absent = [path for path in scenes if not path.is_dir()]
     if absent:
@@ -124,11 +125,10 @@ def search(
         )
     if footage is not None and out is None:
         raise typer.BadParameter("is for the page of --out", param_hint="--footage")
-    from scene4d.searching import SearchOptions, answer, understand_all
-    from scene4d.store.query import Scene
+    from scene4d.searching import SearchOptions, answer, opened, understand_all
 
     options = SearchOptions(min_score, top, min_probability, tuple(catalogue or ()), zones, footage)
-    asked = understand_all(Scene.open(*scenes), words, options)
+    asked = understand_all(opened(*scenes), words, options)
     if len(asked) > 1 and out is not None:
         raise typer.BadParameter("is for one search", param_hint="--out")
     if not job.as_json:
@@ -201,7 +201,7 @@ def _show_event(console: "Console", number: int, found: "FoundEvent") -> None:
     sure = f"  probability {probable}" if probable else ""
     roles = ", ".join(f"{role} {track}" for role, track in found.event.roles.items())
     console.print(
-        f"{number:3d}  {found.event.score:.2f}{sure}  {found.when}  camera {found.run.camera}",
+        f"{number:3d}  {found.event.score:.2f}{sure}  {found.when}  camera {_cameras(found)}",
         style="bold",
         soft_wrap=True,
     )
@@ -210,6 +210,12 @@ def _show_event(console: "Console", number: int, found: "FoundEvent") -> None:
         said = ", ".join(f"{term} {value}" for term, value, _ in terms)
         line = f"{phase}: {said}" if phase else said
         console.print(Padding(Text(line, style="dim"), (0, 0, 0, 5)))
+
+
+def _cameras(found: "FoundEvent") -> str:
+    """The camera whose clip is named, and others that saw the same."""
+    others = [name for name in (found.across or {}).get("cameras", ()) if name != found.run.camera]
+    return ", also ".join([found.run.camera, *([", ".join(others)] if others else [])])
 
 
 def _show_course(console: "Console", found: "FoundEvent") -> None:

@@ -1,7 +1,7 @@
 """``scene4d search``: words in, ranked events out."""
 
 from scene4d.searching._asking import Asked, SearchOptions, understand, understand_all
-from scene4d.searching._entry import answer, search
+from scene4d.searching._entry import answer, opened, search
 from scene4d.searching._places import Place, Places, read_places
 from scene4d.searching.result import FoundEvent, SearchResult
 
@@ -13,6 +13,7 @@ __all__ = [
     "SearchOptions",
     "SearchResult",
     "answer",
+    "opened",
     "read_places",
     "search",
     "understand",

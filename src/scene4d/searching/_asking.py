@@ -1,12 +1,12 @@
 """The query of a search: words and options, checked against a scene."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from scene4d.core.errors import InputError
 from scene4d.core.text import nearest
-from scene4d.searching._places import Places, read_places
+from scene4d.searching._places import Places, in_cameras, read_places
 from scene4d.searching.activities._terms import places_of
 from scene4d.searching.activities.calibrated import calibration_of
 from scene4d.searching.activities.catalogue import load_catalogue
@@ -15,6 +15,7 @@ from scene4d.searching.language import Query, Window, parse_query
 from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
+from scene4d.store.site import Site
 
 EVERYTHING = "all activities"
 """Asks for every activity of the catalogue."""
@@ -56,7 +57,8 @@ class SearchOptions:
 @dataclass(frozen=True, eq=False)
 class Asked:
     """A search that is ready to run: the ``query`` as understood, the ``places`` that it names, and
-    ``notes``: those of the query, and those on this scene.
+    ``notes``: those of the query, and those on this scene. Of a ``site``, ``scene`` is all of its
+    cameras, ``places`` are in the metres of each, and ``of_site`` as the file has them.
     """
 
     scene: Scene
@@ -64,6 +66,8 @@ class Asked:
     options: SearchOptions
     places: Places
     notes: tuple[str, ...]
+    site: Site | None = None
+    of_site: Places = field(default_factory=Places)
 
     @property
     def least_score(self) -> float:
@@ -73,26 +77,29 @@ class Asked:
         return least if wanted is None or known is None else max(least, known.least_score(wanted))
 
 
-def understand(scene: Scene, words: str, options: SearchOptions) -> Asked:
-    """Parse the words and check them against the scene; only the scene's manifests are read.
+def understand(scene: Scene | Site, words: str, options: SearchOptions) -> Asked:
+    """Parse the words and check them against the scene, or a site; only manifests are read.
 
     Raises :class:`InputError` for words, files and places that are not understood, for a role that
     no class in the scene can play, and for a time of day if the footage's start is unknown.
     """
+    site = scene if isinstance(scene, Site) else None
+    scene = scene.whole()[0] if isinstance(scene, Site) else scene
     query, named = words_of(words, options, scene.cameras)
     _check_roles(scene, query)
     notes = [*query.notes]
-    if named.shared and len(scene.cameras) > 1:
+    if named.shared and len(scene.cameras) > 1 and site is None:
         notes.append(
             f"{', '.join(map(repr, named.shared))}: used in the ground coordinates of each of "
             f"{len(scene.cameras)} cameras, because the file names no camera for it"
         )
     if query.window is not None:
         notes += _check_window(scene, query)
-    return Asked(scene, query, options, named, tuple(notes))
+    places = named if site is None else in_cameras(named, site)
+    return Asked(scene, query, options, places, tuple(notes), site, named)
 
 
-def understand_all(scene: Scene, words: str, options: SearchOptions) -> list[Asked]:
+def understand_all(scene: Scene | Site, words: str, options: SearchOptions) -> list[Asked]:
     """Several searches, as :func:`understand`: words with ``;`` between them, or
     :data:`EVERYTHING`, which are those activities of the catalogue that the scene can hold.
     """
@@ -102,7 +109,7 @@ def understand_all(scene: Scene, words: str, options: SearchOptions) -> list[Ask
     return [understand(scene, part, options) for part in several or [words]]
 
 
-def _everything(scene: Scene, options: SearchOptions) -> list[Asked]:
+def _everything(scene: Scene | Site, options: SearchOptions) -> list[Asked]:
     asked, refused = [], InputError(f"{EVERYTHING!r}: the catalogue is empty")
     for name, activity in load_catalogue(*map(Path, options.catalogues)).items():
         try:

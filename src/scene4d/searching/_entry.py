@@ -11,6 +11,7 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.progress import Progress, Silent, timed
 from scene4d.core.tracks import Tracks
+from scene4d.searching._across import answer_site
 from scene4d.searching._asking import Asked, SearchOptions, reaches, second_of_day, understand
 from scene4d.searching._places import Places
 from scene4d.searching.activities._events import Event
@@ -25,8 +26,9 @@ from scene4d.searching.result import FoundEvent, SearchResult
 from scene4d.searching.stages import STEP_S, kept_moments, stage_of, thinned
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
+from scene4d.store.site import Site, is_site
 
-_Place = str | os.PathLike[str] | Scene
+_Place = str | os.PathLike[str] | Scene | Site
 _AROUND_S = 4.0
 """Rows this long before and after an event are kept to show it; chosen by hand: long enough to see
 where somebody came from."""
@@ -42,15 +44,30 @@ def search(
 ) -> SearchResult:
     """Find what ``words`` say in what cameras tracked: events, best first.
 
-    ``scene`` is a folder that ``track`` wrote, a :class:`Scene`, or several of them;
+    ``scene`` is a folder that ``track`` wrote, a :class:`Scene`, or several of them, or a site;
     docs/search-language.md says what words are understood. Options are those of
     :class:`SearchOptions`, in one or by their names: ``search("scene", "person enters vehicle",
     min_score=0.3)``. Raises :class:`InputError` for a scene that cannot be read, for words, files
     and places that are not understood, and where nobody can be found for a role.
     """
-    several = [scene] if isinstance(scene, str | os.PathLike | Scene) else scene
+    several = [scene] if isinstance(scene, str | os.PathLike | Scene | Site) else scene
     options = replace(options or SearchOptions(), **more)
-    return answer(understand(Scene.open(*several), words, options), progress or Silent())
+    return answer(understand(opened(*several), words, options), progress or Silent())
+
+
+def opened(*places: _Place) -> Scene | Site:
+    """One scene of several, or the one site; raises :class:`InputError` for a site among others."""
+    sites = [one for one in places if isinstance(one, Site) or _is_site(one)]
+    if not sites:
+        return Scene.open(*[one for one in places if not isinstance(one, Site)])
+    if len(places) > 1:
+        raise InputError(f"{len(places)} places with a site among them; search a site by itself")
+    (site,) = sites
+    return Site.open(site) if isinstance(site, str | os.PathLike) else site
+
+
+def _is_site(place: _Place) -> bool:
+    return isinstance(place, str | os.PathLike) and is_site(place)
 
 
 def answer(asked: Asked, progress: Progress) -> SearchResult:
@@ -59,6 +76,8 @@ def answer(asked: Asked, progress: Progress) -> SearchResult:
     Raises :class:`InputError` for a scene that cannot be read, and where no camera sees the places
     that are asked for.
     """
+    if asked.site is not None:
+        return answer_site(asked, answer, progress)
     result = SearchResult(asked)
     runs = _runs(asked)
     with progress.stage("Searching", len(runs)) as step:

@@ -3,13 +3,14 @@
     {"zones": {"entrance": [[2, 10], [5, 10], [5, 13], [2, 13]]},
      "lines": {"gate": {"camera": "north", "points": [[0, 8], [6, 8]]}}}
 
-A place that names no camera is meant in the metres of every camera. Of GeoJSON (RFC 7946) a
-Polygon without holes is a zone, a LineString a line; ``properties`` hold ``name`` and, if wanted,
-``camera``. Its coordinates are metres on the ground, as tracks have them, and no longitudes.
+A place that names no camera is meant in the metres of every camera, or of the site if one is
+searched. Of GeoJSON (RFC 7946) a Polygon without holes is a zone, a LineString a line;
+``properties`` hold ``name`` and, if wanted, ``camera``. Its coordinates are metres on the ground,
+as tracks have them, and no longitudes.
 """
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
 from scene4d.core.text import nearest, prefixed, quoted
 from scene4d.searching.predicates._zones import check_place
+from scene4d.store.site import Site
 
 _KINDS = {"Polygon": "zone", "LineString": "line"}
 _LONGEST_NAME = 80
@@ -57,6 +59,33 @@ class Places:
     def shared(self) -> tuple[str, ...]:
         """Names of the places that are meant in the metres of every camera."""
         return tuple(dict.fromkeys(place.name for place in self.all if place.camera is None))
+
+
+def in_cameras(places: Places, site: Site) -> Places:
+    """Places of a site in the metres of each camera that has a place there, under the camera's name
+    in its scene: those of which no camera is named are in the site's metres.
+    """
+    found = [
+        replace(place, camera=site.placed(place.camera).name)
+        for place in places.all
+        if place.camera is not None
+    ]
+    for place in places.all:
+        for name in site.cameras if place.camera is None else ():
+            points = site.placements[name].inverse().points(place.points)
+            found.append(replace(place, camera=site.placed(name).name, points=points))
+    return Places(tuple(found))
+
+
+def in_site(places: Places, kind: str, site: Site) -> dict[str, Float[np.ndarray, "_ 2"]]:
+    """The same in the site's metres, by name; without those of cameras that have no place."""
+    found = {}
+    for place in places.all:
+        if place.kind == kind and place.camera is None:
+            found[place.name] = place.points
+        elif place.kind == kind and place.camera in site.cameras:
+            found[place.name] = site.placements[str(place.camera)].points(place.points)
+    return found
 
 
 def read_places(path: Path, cameras: Collection[str]) -> Places:

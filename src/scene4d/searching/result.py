@@ -39,7 +39,8 @@ class FoundEvent:
     """An event, the run that it is in, and its first and last frame.
 
     ``around`` are the rows of all tracks at about that time, at the search rate, and ``course``
-    holds its predicates over time; None for events that are not shown.
+    holds its predicates over time; None for events that are not shown. ``across`` is what a site
+    adds: who each role is in it, the cameras that saw the event, and its time on the site's clock.
     """
 
     event: Event
@@ -48,6 +49,7 @@ class FoundEvent:
     end_frame: int
     around: Tracks | None = None
     course: Course | None = None
+    across: Mapping[str, Any] | None = None
 
     @property
     def clip(self) -> str:
@@ -89,6 +91,7 @@ class FoundEvent:
             "roles": dict(event.roles),
             "why": {key: None if math.isnan(p) else p for key, p in event.why.items()},
             "notes": self.notes,
+            **(self.across or {}),
         }
 
     def _moment(self, time_s: float) -> datetime | None:

@@ -90,7 +90,7 @@ class Scene:
         for one in scenes:
             here = one._stored if isinstance(one, Scene) else _stored_in(Path(one))
             stored += [replace(run, track_offset=run.track_offset + offset) for run in here]
-            offset += max(run.track_offset + run.run.track_base for run in here) + RUN_TRACKS
+            offset += cls(here).numbers
         folders = ", ".join(dict.fromkeys(str(run.folder) for run in stored))
         if len({(run.folder.resolve(), run.run.run) for run in stored}) < len(stored):
             raise InputError(f"{folders}: a folder is named twice")
@@ -116,6 +116,11 @@ class Scene:
     def runs(self) -> tuple[Run, ...]:
         """The manifests, in the order of the rows."""
         return tuple(one.run for one in self._stored)
+
+    @property
+    def numbers(self) -> int:
+        """How many track numbers are reserved for the scene's runs."""
+        return max(one.track_offset + one.run.track_base for one in self._stored) + RUN_TRACKS
 
     def only(self, *runs: str) -> "Scene":
         """A scene of one or more of the runs; raises :class:`InputError` for an unknown run."""

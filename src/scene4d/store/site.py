@@ -9,7 +9,7 @@ The tracks stay in the scenes; a site maps them while it reads.
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
@@ -20,14 +20,13 @@ from jaxtyping import Float, Int
 
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
-from scene4d.core.columns import Columns
 from scene4d.core.errors import InputError
 from scene4d.core.placement import Placement
-from scene4d.core.tables import read_table
 from scene4d.core.tracks import Tracks
 from scene4d.store._question import Question, check_range, check_there
 from scene4d.store._regrounding import regrounded
 from scene4d.store.fusing import fused
+from scene4d.store.identities import Identities
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run, camera_identity
 from scene4d.store.schema import with_keypoints
@@ -46,36 +45,6 @@ a second and more have a row for each."""
 _NS = 1e9
 _MOST_SHOWN = 4000
 """Positions in a notebook's plan."""
-
-
-@dataclass(frozen=True, eq=False)
-class Identities(Columns):
-    """Which tracks are one and the same: ``identity`` is the number of a person or vehicle in the
-    whole site, ``track`` that in the scene of ``camera``. ``probability`` is that of the row: that
-    the track belongs to its identity; 1 for the track that an identity began with.
-    """
-
-    camera: np.ndarray
-    track: Int[np.ndarray, "n"]
-    identity: Int[np.ndarray, "n"]
-    probability: Float[np.ndarray, "n"]
-
-    def __post_init__(self) -> None:
-        self.check_rows("identities")
-
-    def columns(self) -> dict[str, np.ndarray]:
-        """1-D columns with their names in the file."""
-        return {name: getattr(self, name) for name in self.array_names()}
-
-    @classmethod
-    def load(cls, path: Path) -> "Identities":
-        """Read the file; raises :class:`InputError` for another table."""
-        table = read_table(path)
-        kinds = {"camera": "U", "track": "i", "identity": "i", "probability": "f"}
-        for name, kind in kinds.items():
-            if name not in table or table[name].dtype.kind != kind:
-                raise InputError(f"{path}: expected the columns {', '.join(kinds)}; align again")
-        return cls(**{name: table[name] for name in kinds})
 
 
 def is_site(path: str | os.PathLike[str]) -> bool:
@@ -137,6 +106,18 @@ class Site:
         if camera not in self._scenes:
             self._scenes[camera] = _runs_of(Scene.open(one.scene), one)
         return self._scenes[camera]
+
+    def whole(self) -> tuple[Scene, dict[str, int]]:
+        """One scene of all cameras, placed or not, and what it adds to the track numbers of each.
+
+        Raises :class:`InputError` where two cameras have one name in their scenes.
+        """
+        offsets: dict[str, int] = {}
+        total = 0
+        for name in self._said.cameras:
+            offsets[name] = total
+            total += self.scene(name).numbers
+        return Scene.open(*map(self.scene, offsets)), offsets
 
     def calibration(self, camera: str) -> Calibration:
         """The calibration whose ground is placed: refined, or that of the scene."""
