@@ -7,8 +7,8 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.files import write_bytes, write_json
 from scene4d.core.staging import ensure_folder, staged
 from scene4d.core.tables import write_people
-from scene4d.store.runs import file_name
 from scene4d.store.identities import Identities
+from scene4d.store.runs import file_name
 from scene4d.store.site_file import IDENTITIES_FILE, SITE_FILE, SiteFile
 
 
