@@ -45,6 +45,7 @@ PROMISED = {
     "export": "--to --out --from --image-size --run --anchor --json",
     "activities": "--catalogue --json",
     "view": "--out --search --zones --footage --no-video --json",
+    "serve": "--port --host --token --zones --footage --json",
     "models": "--json",
     "demo": "--out --json",
 }

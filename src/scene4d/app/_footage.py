@@ -21,6 +21,7 @@ _TICKS = 1000
 _KEY_S = 1.0
 """A key frame at least as often, so that a slider finds its picture at once."""
 _MOST_FPS = 30.0
+_PLAYED = ("h264", "vp8", "libvpx", "vp9", "libvpx-vp9", "av1", "libdav1d")
 _VIEW_PX, _VIEW_QUALITY = 1280, 80
 """Longest side and JPEG's quality of the empty view."""
 
@@ -120,3 +121,18 @@ def encoded(source: Source, side_px: int, crf: int, budget_bytes: int | None) ->
         container.mux(stream.encode(None))
     video = out.getvalue()
     return video if budget_bytes is None or len(video) <= budget_bytes else None
+
+
+def plays(path: Path) -> bool:
+    """Whether browsers play this file as it is: H.264 in MP4, or VP8, VP9 and AV1 in WebM."""
+    import av
+
+    if path.suffix.lower() not in (".mp4", ".m4v", ".webm"):
+        return False
+    try:
+        with av.open(str(path)) as container:
+            stream = container.streams.video[0]
+            codec = stream.codec_context.name
+            return stream.codec_context.pix_fmt == "yuv420p" and codec in _PLAYED
+    except (av.error.FFmpegError, IndexError):
+        return False

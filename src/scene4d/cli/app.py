@@ -19,6 +19,7 @@ from scene4d.cli.models import models
 from scene4d.cli.orientation import orientation
 from scene4d.cli.output import emit, emit_json, say
 from scene4d.cli.search import search
+from scene4d.cli.serve import serve
 from scene4d.cli.track import track
 from scene4d.cli.view import view
 from scene4d.cli.watch import watch
@@ -91,7 +92,7 @@ def scene4d(
 
 for _command in (
     *(calibrate, orientation, track, watch, align),
-    *(search, activities, view, export, models, demo),
+    *(search, activities, view, serve, export, models, demo),
 ):
     app.command(help=reflowed(_command.__doc__))(_command)
 app.add_typer(evaluate)

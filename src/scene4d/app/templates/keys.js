@@ -56,5 +56,6 @@ function faster(factor) {
 function drop() {
   if (world.draft) world.draft = null;
   else set("selected", null);
+  state.cast = [];
   set("tool", "look");
 }

@@ -7,7 +7,7 @@ const OVERLAP_S = 8; // the newest rows are provisional: the smoother may still 
 
 export async function fetchRows(now, sinceS = null) {
   const since = sinceS === null ? "" : `?since_s=${sinceS}`;
-  const answer = await fetch(`${world.data.api}/runs/${encodeURIComponent(now.said.run)}/rows${since}`);
+  const answer = await fetch(`${world.data.api}/runs/${now.number}/rows${since}`);
   if (!answer.ok) throw new Error(`the rows of ${now.said.run} cannot be read`);
   return new Rows(await answer.json(), now.said.step_s);
 }

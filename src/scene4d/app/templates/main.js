@@ -72,9 +72,8 @@ class Run {
 
 function loadMedia(now) {
   const api = world.data.api;
-  const name = encodeURIComponent(now.said.run);
   const source = (kind, type) => {
-    if (api) return now.said[kind] ? `${api}/runs/${name}/${kind}` : null;
+    if (api) return now.said[kind] ? `${api}/runs/${now.number}/${kind}` : null;
     const holder = $(`${kind}-${now.number}`);
     return holder ? URL.createObjectURL(new Blob([bytesOf(holder.textContent)], { type })) : null;
   };
@@ -109,7 +108,8 @@ function showRun() {
   $("picture").setAttribute("aria-label", `Footage of camera ${now.said.camera} with ${now.rows.brief.length} tracks drawn over it`);
   $("plan").setAttribute("aria-label", `The ground seen by camera ${now.said.camera} from above, in metres`);
   document.documentElement.style.setProperty("--picture-ratio", String(now.camera.size[0] / now.camera.size[1]));
-  if (world.data.api && !now.rows.count) {
+  if (world.data.api && !now.fetched) {
+    now.fetched = true;
     fetchRows(now).then((rows) => {
       now.replaceRows(rows);
       tell("rows");

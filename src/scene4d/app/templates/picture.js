@@ -1,5 +1,5 @@
 // The footage with what is known drawn over it.
-import { $, on, passes, run, state } from "./state.js";
+import { $, isChosen, isLit, on, passes, run, state } from "./state.js";
 import { Cached, Viewport } from "./viewport.js";
 import { ON_PICTURE, halo, label } from "./look.js";
 import { gridLines, horizonCurve, layer } from "./scenery.js";
@@ -125,7 +125,7 @@ function strokeRows(context, feet, first, last) {
 function paintTrail(context, now, one) {
   const { rows } = now;
   let first = one.row;
-  const whole = state.selected === one.brief.track;
+  const whole = isChosen(one.brief.track);
   while (first > rows.starts[one.k] && (whole || rows.time[first] > state.ms - TRAIL_MS)) first--;
   const last = whole ? rows.starts[one.k + 1] : one.row + 1;
   context.strokeStyle = ON_PICTURE[one.brief.kind];
@@ -133,14 +133,10 @@ function paintTrail(context, now, one) {
   strokeRows(context, now.feet(), first, last);
 }
 
-function isLit(one) {
-  return state.hover === one.brief.track || state.selected === one.brief.track;
-}
-
 function paintOne(context, now, one) {
   const tint = ON_PICTURE[one.brief.kind];
   context.strokeStyle = context.fillStyle = tint;
-  context.lineWidth = isLit(one) ? 3 : 1.7;
+  context.lineWidth = isLit(one.brief.track) ? 3 : 1.7;
   context.setLineDash(one.observed ? [] : [4, 4]);
   if (layer("boxes") && Number.isFinite(one.box[0])) paintBox(context, one.box);
   if (layer("cuboids")) paintCuboid(context, now.camera, one);
@@ -148,8 +144,8 @@ function paintOne(context, now, one) {
   context.setLineDash([]);
   if (layer("sigma")) paintSigma(context, now.camera, one);
   const foot = now.camera.project(...one.xy, 0);
-  if (layer("feet") && foot) paintFoot(context, foot, isLit(one));
-  if (isLit(one)) {
+  if (layer("feet") && foot) paintFoot(context, foot, isLit(one.brief.track));
+  if (isLit(one.brief.track)) {
     const [x, y] = view.to(...(Number.isFinite(one.box[0]) ? one.box : foot || [0, 0]));
     label(context, `${one.brief.class} ${one.brief.track}`, x, y - 3);
   }

@@ -1,5 +1,5 @@
 // The ground from straight above, in metres.
-import { $, on, passes, run, state } from "./state.js";
+import { $, isLit, on, passes, run, state } from "./state.js";
 import { Cached, Viewport } from "./viewport.js";
 import { colour, label, niceStep } from "./look.js";
 import { groundPhoto, heatMap, layer } from "./scenery.js";
@@ -191,16 +191,18 @@ function paintTrail(context, now, one) {
 }
 
 function paintSelected(context, now) {
-  const k = now.rows.byNumber.get(state.selected);
-  if (k === undefined) return;
-  context.strokeStyle = colour(now.rows.brief[k].kind);
-  context.lineWidth = 3;
-  strokeRows2(context, now.rows, now.rows.starts[k], now.rows.starts[k + 1]);
+  for (const track of [state.selected, ...state.cast]) {
+    const k = now.rows.byNumber.get(track);
+    if (k === undefined) continue;
+    context.strokeStyle = colour(now.rows.brief[k].kind);
+    context.lineWidth = 3;
+    strokeRows2(context, now.rows, now.rows.starts[k], now.rows.starts[k + 1]);
+  }
 }
 
 function paintOne(context, one) {
   if (!Number.isFinite(one.xy[0])) return;
-  const lit = state.hover === one.brief.track || state.selected === one.brief.track;
+  const lit = isLit(one.brief.track);
   context.strokeStyle = context.fillStyle = colour(one.brief.kind);
   if (layer("sigma")) paintSigma(context, one);
   const corners = cornersOf(one);

@@ -2,7 +2,6 @@
 import { $, announce, element, on, run, set, state, tell, world } from "./state.js";
 import { clock, stopwatch } from "./look.js";
 import { seek } from "./clock.js";
-import { placesJson } from "./places.js";
 
 export function startSearch() {
   on("run searches", gather);
@@ -62,7 +61,8 @@ function eventButton(event) {
 
 function goTo(event, number) {
   if (number >= 0) set("run", number);
-  set("selected", Object.values(event.roles)[0] ?? null);
+  set("selected", null);
+  state.cast = Object.values(event.roles);
   seek(event.begin);
 }
 
@@ -101,7 +101,7 @@ async function ask(words) {
   $("asked").textContent = "Searching";
   try {
     const answer = await fetch(`${world.data.api}/search`, {
-      method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ words, places: placesJson() }),
+      method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ words }),
     });
     const said = await answer.json();
     if (!answer.ok) throw new Error(said.error.message);

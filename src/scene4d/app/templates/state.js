@@ -9,7 +9,7 @@ export const LAYERS = [
 
 export const state = {
   run: 0, ms: 0, playing: false, speed: 1, tool: "look",
-  hover: null, selected: null, pointer: null, photo: true,
+  hover: null, selected: null, cast: [], pointer: null, photo: true,
   layers: Object.fromEntries(LAYERS.map(([name, , on]) => [name, on])),
   filter: { kind: "all", fastest: 0, path: 0, words: "" },
   tried: null, span: null,
@@ -48,6 +48,11 @@ export function draw() {
 export function run() {
   return world.runs[state.run];
 }
+
+// Whether a track is pointed at, chosen, or in the event that is looked at.
+export const isLit = (track) => state.hover === track || isChosen(track);
+
+export const isChosen = (track) => state.selected === track || state.cast.includes(track);
 
 export function passes(brief) {
   const filter = state.filter;

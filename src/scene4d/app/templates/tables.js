@@ -80,6 +80,7 @@ function trackRow(one) {
 }
 
 function choose(one) {
+  state.cast = [];
   if (state.selected === one.track) return set("selected", null);
   set("selected", one.track);
   if (state.ms < one.begin || state.ms > one.end) seek(one.begin);

@@ -201,7 +201,7 @@ function paintTimeline() {
   context.drawImage(cache.canvas, 0, 0);
   context.setTransform(size[2], 0, 0, size[2], 0, 0);
   outlined(state.hover);
-  outlined(state.selected);
+  for (const track of [state.selected, ...state.cast]) outlined(track);
   const x = toX(state.ms);
   context.strokeStyle = context.fillStyle = colour("ink");
   context.lineWidth = 1.5;

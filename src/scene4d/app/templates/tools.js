@@ -117,6 +117,8 @@ export function clicked(pane, place, [px, py]) {
   const now = run();
   if (state.tool === "look") {
     const found = (pane === "picture" ? trackInPicture : trackOnPlan)(now, px, py);
+    state.cast = [];
+    draw();
     set("selected", found && state.selected !== found.brief.track ? found.brief.track : null);
   } else if (!place.xy) announce("There is no ground at this point: it lies at or above the horizon.");
   else if (state.tool === "measure") measure(place);

@@ -1,0 +1,192 @@
+"""The HTTP interface: pages and programs ask for the same things."""
+
+import asyncio
+import json
+import threading
+from collections.abc import AsyncIterator, Awaitable, Callable
+from functools import partial
+from typing import Any
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.middleware import Middleware
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import (
+    FileResponse,
+    HTMLResponse,
+    JSONResponse,
+    Response,
+    StreamingResponse,
+)
+from starlette.routing import Route
+
+from scene4d.app._guard import Guard, refusal
+from scene4d.app._openapi import description
+from scene4d.app._served import Served
+from scene4d.core.errors import InputError, Scene4DError
+
+_LONGEST_WORDS = 400
+_SEARCH_S = 60.0
+"""A search that takes longer is answered with an error; it ends in the background."""
+_WAITING = 4
+"""Searches that may wait for the one that runs."""
+_LOOK_S, _BEAT_S = 1.0, 15.0
+"""How often what is new is looked for, and how often a quiet connection is kept alive."""
+_NUMBERS = {"min_score": (float, int), "min_probability": (float, int), "top": (int,)}
+Handler = Callable[[Request], Awaitable[Response]]
+
+
+class Api:
+    """The handlers of one server."""
+
+    def __init__(self, served: Served) -> None:
+        self._served = served
+        self._searching = threading.Lock()
+        self._waiting = 0
+
+    def app(self, token: str | None) -> Starlette:
+        """The application, guarded."""
+        routes = [
+            ("/", "GET", self._page),
+            ("/openapi.json", "GET", self._openapi),
+            ("/api/scene", "GET", self._scene),
+            ("/api/runs/{run:int}/rows", "GET", self._rows),
+            ("/api/runs/{run:int}/video", "GET", self._video),
+            ("/api/runs/{run:int}/view", "GET", self._view),
+            ("/api/search", "POST", self._search),
+            ("/api/places", "GET", self._places),
+            ("/api/places", "PUT", self._save_places),
+            ("/api/live", "GET", self._live),
+        ]
+        return Starlette(
+            routes=[Route(path, _told(work), methods=[method]) for path, method, work in routes],
+            middleware=[Middleware(partial(Guard, token=token))],
+            exception_handlers={404: _absent, 405: _absent},
+        )
+
+    async def _page(self, request: Request) -> Response:
+        html = await run_in_threadpool(self._served.page)
+        return HTMLResponse(html, headers={"Cache-Control": "no-store"})
+
+    async def _openapi(self, request: Request) -> Response:
+        return JSONResponse(description())
+
+    async def _scene(self, request: Request) -> Response:
+        return JSONResponse(await run_in_threadpool(self._served.contents))
+
+    async def _rows(self, request: Request) -> Response:
+        since = request.query_params.get("since_s")
+        try:
+            since_s = None if since is None else float(since)
+        except ValueError:
+            raise InputError("since_s: expected a number of seconds") from None
+        if since_s is not None and not abs(since_s) < 1e12:
+            raise InputError("since_s: expected a number of seconds")
+        return JSONResponse(
+            await run_in_threadpool(self._served.rows, request.path_params["run"], since_s)
+        )
+
+    async def _video(self, request: Request) -> Response:
+        path = await run_in_threadpool(self._served.video, request.path_params["run"])
+        kind = "video/webm" if path.suffix == ".webm" else "video/mp4"
+        return FileResponse(path, media_type=kind)
+
+    async def _view(self, request: Request) -> Response:
+        jpeg = await run_in_threadpool(self._served.view, request.path_params["run"])
+        return Response(jpeg, media_type="image/jpeg")
+
+    async def _search(self, request: Request) -> Response:
+        said = await _body(request)
+        words = said.pop("words", None)
+        if not isinstance(words, str) or not 0 < len(words) <= _LONGEST_WORDS:
+            raise InputError(f"words: expected text of 1 to {_LONGEST_WORDS} characters")
+        for name, value in said.items():
+            if name not in _NUMBERS or type(value) not in _NUMBERS[name]:
+                raise InputError(f"{name}: expected words, and numbers: {', '.join(_NUMBERS)}")
+        if self._waiting >= _WAITING:
+            return refusal(429, "other searches are waiting; ask again later", "busy")
+        self._waiting += 1
+        try:
+            work = run_in_threadpool(self._one_search, words, said)
+            found = await asyncio.wait_for(work, _SEARCH_S)
+        except TimeoutError:
+            return refusal(503, f"the search takes longer than {_SEARCH_S:.0f} s", "busy")
+        finally:
+            self._waiting -= 1
+        return JSONResponse({"searches": found})
+
+    def _one_search(self, words: str, options: dict[str, Any]) -> list[dict[str, Any]]:
+        with self._searching:  # two at once would take as long, and twice the memory
+            return self._served.search(words, options)
+
+    async def _places(self, request: Request) -> Response:
+        return JSONResponse(await run_in_threadpool(self._served.places))
+
+    async def _save_places(self, request: Request) -> Response:
+        said = await _body(request)
+        await run_in_threadpool(self._served.save_places, said)
+        return JSONResponse({"saved": True})
+
+    async def _live(self, request: Request) -> Response:
+        headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+        return StreamingResponse(
+            self._news(request), media_type="text/event-stream", headers=headers
+        )
+
+    async def _news(self, request: Request) -> AsyncIterator[str]:
+        """Runs that have grown, and what ``watch`` tells, as server-sent events."""
+        served = self._served
+        known = {run["run"]: run["rows"] for run in served.contents()["runs"]}
+        told, quiet_s = await run_in_threadpool(served.told_so_far), 0.0
+        yield "retry: 2000\n\n"
+        while not (served.ending or await request.is_disconnected()):
+            await run_in_threadpool(served.refresh)
+            news = []
+            for run in (await run_in_threadpool(served.contents))["runs"]:
+                if known.get(run["run"]) != run["rows"]:
+                    known[run["run"]] = run["rows"]
+                    kept = ("run", "camera", "rows", "begin_s", "end_s")
+                    news.append(("run", json.dumps({key: run[key] for key in kept})))
+            news += [("alert", line) for line in await run_in_threadpool(served.told, told)]
+            quiet_s = 0.0 if news else quiet_s + _LOOK_S
+            if quiet_s >= _BEAT_S:
+                quiet_s = 0.0
+                yield ": still here\n\n"
+            for kind, line in news:
+                yield f"event: {kind}\ndata: {line}\n\n"
+            await asyncio.sleep(_LOOK_S)
+
+
+async def _body(request: Request) -> dict[str, Any]:
+    """The JSON object that was sent."""
+    if request.headers.get("content-type", "").partition(";")[0] != "application/json":
+        raise InputError("content-type: expected application/json")
+    try:
+        said = json.loads(await request.body())
+    except (ValueError, RecursionError):
+        raise InputError("the request is not JSON") from None
+    if not isinstance(said, dict):
+        raise InputError("the request is no JSON object")
+    return said
+
+
+def _told(work: Handler) -> Handler:
+    """Failures as answers: bad input 400, what is not there 404, too long a body 413."""
+
+    async def answered(request: Request) -> Response:
+        try:
+            return await work(request)
+        except LookupError as error:
+            return refusal(404, str(error.args[0]), "absent")
+        except ClientDisconnect:
+            return refusal(413, "the request is too long")
+        except Scene4DError as error:
+            status = 400 if isinstance(error, InputError) else 500
+            return refusal(status, " ".join(str(error).split()), error.kind)
+
+    return answered
+
+
+async def _absent(request: Request, error: Exception) -> Response:
+    status = getattr(error, "status_code", 404)
+    return refusal(status, f"{request.method} {request.url.path} is not there", "absent")

@@ -1,0 +1,92 @@
+"""The description of the HTTP interface, OpenAPI 3.1."""
+
+from importlib.metadata import version
+from typing import Any
+
+
+def description() -> dict[str, Any]:
+    """What ``/openapi.json`` answers."""
+    run = {"name": "run", "in": "path", "required": True, "schema": {"type": "integer"}}
+    since = {
+        "name": "since_s",
+        "in": "query",
+        "description": "rows from this time on, seconds from the clip's start",
+        "schema": {"type": "number"},
+    }
+    operations: tuple[tuple[str, str, str, str, list[dict[str, Any]]], ...] = (
+        ("/", "get", "The page.", "text/html", []),
+        ("/openapi.json", "get", "This description.", "application/json", []),
+        ("/api/scene", "get", "Cameras and runs, without rows.", "application/json", []),
+        ("/api/runs/{run}/rows", "get", "Rows, packed.", "application/json", [run, since]),
+        ("/api/runs/{run}/video", "get", "Footage, with ranges.", "video/mp4", [run]),
+        ("/api/runs/{run}/view", "get", "The empty view.", "image/jpeg", [run]),
+        ("/api/search", "post", "Events that words ask for.", "application/json", []),
+        ("/api/places", "get", "Zones and lines.", "application/json", []),
+        ("/api/places", "put", "Save zones and lines.", "application/json", []),
+        ("/api/live", "get", "Runs that grow, and alerts.", "text/event-stream", []),
+    )
+    paths: dict[str, Any] = {}
+    for path, method, summary, kind, parameters in operations:
+        said: dict[str, Any] = {"summary": summary, "parameters": parameters}
+        said["responses"] = {
+            "200": {"description": summary, "content": {kind: {}}},
+            "default": {"$ref": "#/components/responses/error"},
+        }
+        if method in _BODIES:
+            content = {"application/json": {"schema": _BODIES[method]}}
+            said["requestBody"] = {"required": True, "content": content}
+        paths.setdefault(path, {})[method] = said
+    return {
+        "openapi": "3.1.0",
+        "info": {"title": "scene4d serve", "version": version("scene4d")},
+        "paths": paths,
+        "components": {"responses": {"error": _ERROR}, "securitySchemes": _TOKEN},
+        "security": [{}, {"token": []}],
+    }
+
+
+_POINTS = {
+    "type": "array",
+    "items": {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2},
+}
+_PLACE = {
+    "type": "object",
+    "required": ["points"],
+    "properties": {"camera": {"type": "string"}, "points": _POINTS},
+    "description": "points on the camera's ground, metres",
+}
+_NAMED = {"type": "object", "additionalProperties": _PLACE}
+_BODIES: dict[str, Any] = {
+    "post": {
+        "type": "object",
+        "required": ["words"],
+        "properties": {
+            "words": {"type": "string", "maxLength": 400},
+            "min_score": {"type": "number", "minimum": 0, "maximum": 1},
+            "min_probability": {"type": "number", "minimum": 0, "maximum": 1},
+            "top": {"type": "integer", "minimum": 1},
+        },
+        "additionalProperties": False,
+    },
+    "put": {"type": "object", "properties": {"zones": _NAMED, "lines": _NAMED}},
+}
+_ERROR = {
+    "description": "What is wrong, and what helps.",
+    "content": {
+        "application/json": {
+            "schema": {
+                "type": "object",
+                "properties": {
+                    "error": {
+                        "type": "object",
+                        "properties": {
+                            name: {"type": ["string", "null"]}
+                            for name in ("kind", "message", "remedy")
+                        },
+                    }
+                },
+            }
+        }
+    },
+}
+_TOKEN = {"token": {"type": "http", "scheme": "bearer"}}

@@ -1,0 +1,197 @@
+"""What a server holds: scenes that may still grow, their footage as browsers play it, zones."""
+
+import tempfile
+import threading
+from pathlib import Path
+from typing import Any
+
+from scene4d.app._contents import (
+    Shown,
+    contents,
+    places_json,
+    run_of,
+    search_of,
+    shown_runs,
+    watched_events,
+)
+from scene4d.app._footage import check_size, encoded, plays, view_of
+from scene4d.app._page import page_html
+from scene4d.app._rows import rows_of
+from scene4d.core.errors import InputError
+from scene4d.core.files import write_bytes, write_json
+from scene4d.core.progress import Silent
+from scene4d.searching import SearchOptions, answer, read_places, understand_all
+from scene4d.store.footage import NoFootage, footage_of
+from scene4d.store.query import Scene
+from scene4d.video.reader import open_source
+
+_SIDE_PX, _CRF = 1280, 24
+"""Longest side and x264's CRF of footage that browsers cannot play as it is. Chosen by eye."""
+
+
+class Served:
+    """The scenes of one server. Its methods may be called from several threads.
+
+    Runs are numbered in the order in which they were seen; none is ever numbered again. ``ending``
+    says that connections which wait for what is new shall end.
+    """
+
+    def __init__(self, folders: list[Path], footage: Path | None, zones: Path | None) -> None:
+        self._folders, self._given = folders, footage
+        self._zones = folders[0] / "zones.json" if zones is None else zones
+        self.ending = False
+        self._lock = threading.Lock()
+        self._encoding = threading.Lock()
+        self._made = tempfile.TemporaryDirectory(prefix="scene4d-")
+        self._names: list[str] = []
+        self._stamp: Any = None
+        self._scene: Scene
+        self._shown: dict[str, Shown] = {}
+        self.refresh()
+
+    def close(self) -> None:
+        """Remove what was encoded."""
+        self._made.cleanup()
+
+    def refresh(self) -> list[dict[str, Any]]:
+        """Read manifests that have changed; the runs that are new or longer, in brief."""
+        with self._lock:
+            stamp = self._manifests()
+            if stamp == self._stamp:
+                return []
+            scene = Scene.open(*self._folders)
+            shown = {one.run.run: one for one in shown_runs(scene)}
+            before = {name: one.run.rows for name, one in self._shown.items()}
+            self._names += [name for name in shown if name not in self._names]
+            self._scene, self._shown, self._stamp = scene, shown, stamp
+        return [run_of(one) for name, one in shown.items() if before.get(name) != one.run.rows]
+
+    def _manifests(self) -> list[tuple[str, int, int]]:
+        """Names, times and sizes of the manifests: what changes when a run is published."""
+        found = []
+        for folder in self._folders:
+            for path in sorted((folder / "runs").glob("*.json")):
+                about = path.stat()
+                found.append((str(path), about.st_mtime_ns, about.st_size))
+        return found
+
+    def page(self) -> str:
+        """The page, which asks for everything else."""
+        return page_html(self.contents() | {"api": "api"})
+
+    def contents(self) -> dict[str, Any]:
+        """Cameras, runs and what was told of them, without rows."""
+        with self._lock:
+            shown = [self._shown[name] for name in self._names if name in self._shown]
+            cameras = self._scene.cameras
+        runs = [self._run(one) for one in shown]
+        title = ", ".join([*(folder.resolve().name for folder in self._folders), *cameras])
+        return contents(title, runs, shown) | {"searches": [], "places": None}
+
+    def _run(self, shown: Shown) -> dict[str, Any]:
+        place = self._place(shown)
+        there = not isinstance(place, NoFootage)
+        watched = [e for folder in self._folders for e in watched_events(folder, shown.run)]
+        note = place.reason if isinstance(place, NoFootage) else None
+        return run_of(shown) | {"watched": watched, "note": note, "video": there, "view": there}
+
+    def _place(self, shown: Shown) -> Path | NoFootage:
+        return footage_of(shown.run, self._given, alone=len(self._shown) == 1)
+
+    def _named(self, number: int) -> Shown:
+        with self._lock:
+            if not 0 <= number < len(self._names) or self._names[number] not in self._shown:
+                raise LookupError(f"no run {number}")
+            return self._shown[self._names[number]]
+
+    def rows(self, number: int, since_s: float | None) -> dict[str, Any]:
+        """The rows of a run; raises :class:`LookupError` where there is none."""
+        name = self._named(number).run.run
+        with self._lock:
+            return rows_of(self._scene.only(name), since_s)
+
+    def video(self, number: int) -> Path:
+        """A file that browsers play; footage in other forms is encoded once, at its first use.
+
+        Raises :class:`LookupError` and :class:`InputError` where there is none.
+        """
+        place = self._footage(number)
+        if plays(place):
+            return place
+        made = Path(self._made.name) / f"{number}.mp4"
+        with self._encoding:
+            if not made.exists():
+                with open_source(place) as source:
+                    check_size(source, self._named(number).calibration.image_size)
+                    video = encoded(source, _SIDE_PX, _CRF, None)
+                assert video is not None
+                write_bytes(made, video)
+        return made
+
+    def view(self, number: int) -> bytes:
+        """What the empty view looks like, as JPEG; raises as :meth:`video`."""
+        made = Path(self._made.name) / f"{number}.jpg"
+        place = self._footage(number)
+        with self._encoding:
+            if not made.exists():
+                with open_source(place) as source:
+                    write_bytes(made, view_of(source) or b"")
+        return made.read_bytes()
+
+    def _footage(self, number: int) -> Path:
+        place = self._place(self._named(number))
+        if isinstance(place, NoFootage):
+            raise LookupError(place.reason)
+        return place
+
+    def search(self, words: str, options: dict[str, Any]) -> list[dict[str, Any]]:
+        """Searches as words ask for them, with the zones that are saved."""
+        zones = self._zones if self._zones.is_file() else None
+        scene = Scene.open(*self._folders)
+        asked = understand_all(scene, words, SearchOptions(zones=zones, **options))
+        return [search_of(answer(one, Silent())) for one in asked]
+
+    def places(self) -> dict[str, Any]:
+        """Zones and lines as their file holds them; empty where there is none."""
+        if not self._zones.is_file():
+            return {}
+        with self._lock:
+            return places_json(read_places(self._zones, self._scene.cameras))
+
+    def save_places(self, said: dict[str, Any]) -> None:
+        """Check zones and lines, and write their file; raises :class:`InputError`."""
+        if not any(said.values()):
+            self._zones.unlink(missing_ok=True)
+            return
+        with tempfile.TemporaryDirectory(dir=self._made.name) as folder:
+            probe = Path(folder) / "zones"
+            write_json(probe, said)
+            with self._lock:
+                cameras = self._scene.cameras
+            try:
+                read_places(probe, cameras)
+            except InputError as error:
+                raise InputError(str(error).replace(f"{probe}", "zones")) from None
+        write_json(self._zones, said)
+
+    def told(self, from_bytes: dict[str, int]) -> list[str]:
+        """What ``watch`` has told since, one JSON object each; ``from_bytes`` moves on."""
+        found = []
+        for folder in self._folders:
+            for path in sorted((folder / "events").glob("*.jsonl")):
+                size, before = path.stat().st_size, from_bytes.get(str(path), 0)
+                if size <= before:
+                    continue
+                with path.open("rb") as file:
+                    file.seek(before)
+                    text = file.read(size - before)
+                whole = text[: text.rfind(b"\n") + 1]
+                from_bytes[str(path)] = before + len(whole)
+                found += whole.decode("utf-8").splitlines()
+        return found
+
+    def told_so_far(self) -> dict[str, int]:
+        """Where the files of what was told end at the moment."""
+        sizes: dict[str, int] = {}
+        self.told(sizes)
+        return sizes

@@ -1,0 +1,197 @@
+"""The server: what it answers, what it refuses, and its page in a real browser."""
+
+import http.client
+import json
+import shutil
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import expect
+
+from app.pages import click
+from finding_scenes import parked, people, track, walk, write_scene
+from scene4d.app import ServeOptions, application
+from scene4d.app._server import Server
+from scene4d.core.errors import InputError
+from walks import CAMERA
+
+
+class Running:
+    """A server in a thread, and a plain client."""
+
+    def __init__(self, folder: Path, **options) -> None:
+        app, self.served = application([folder], ServeOptions(**options))
+        self.server = Server(app, self.served)
+        taken = socket.create_server(("127.0.0.1", 0))
+        self.port = taken.getsockname()[1]
+        work = {"target": self.server.run, "kwargs": {"sockets": [taken]}, "daemon": True}
+        self.thread = threading.Thread(**work)
+        self.thread.start()
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    def ask(self, method: str, path: str, body: str | None = None, **headers: str):
+        """Status, headers and body of an answer; ``_`` in names of headers is ``-``."""
+        client = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        sent = {name.replace("_", "-"): value for name, value in headers.items()}
+        client.request(method, path, body, sent)
+        answer = client.getresponse()
+        content = answer.read()
+        client.close()
+        return answer.status, dict(answer.getheaders()), content
+
+    def post(self, path: str, said: object, method: str = "POST"):
+        status, _, body = self.ask(method, path, json.dumps(said), Content_Type="application/json")
+        return status, json.loads(body)
+
+    def close(self) -> None:
+        self.server.should_exit = True
+        self.thread.join(10)
+        self.served.close()
+
+
+@pytest.fixture
+def running(scene: Path, tmp_path: Path) -> Iterator[Running]:
+    folder = shutil.copytree(scene, tmp_path / "scene")
+    one = Running(folder)
+    yield one
+    one.close()
+
+
+def test_programs_are_told_what_there_is_and_search(running):
+    status, headers, body = running.ask("GET", "/openapi.json")
+    assert status == 200
+    described = json.loads(body)["paths"]
+    assert {"/api/search", "/api/runs/{run}/video"} <= set(described)
+    for path, methods in described.items():
+        if "get" in methods and "live" not in path:
+            assert running.ask("GET", path.replace("{run}", "0"))[0] == 200, path
+    assert headers["x-content-type-options"] == "nosniff"
+    status, said = running.post("/api/search", {"words": "two people meet", "top": 3})
+    assert status == 200
+    (found,) = said["searches"]
+    assert found["events"][0]["roles"]
+    assert found["understood"]
+    status, said = running.post("/api/search", {"words": "colourless green ideas"})
+    assert status == 400
+    assert said["error"]["kind"] == "input"
+
+
+def test_footage_comes_in_ranges(running):
+    whole = running.ask("GET", "/api/runs/0/video")[2]
+    status, headers, part = running.ask("GET", "/api/runs/0/video", Range="bytes=100-199")
+    assert (status, part) == (206, whole[100:200])
+    assert headers["content-type"] == "video/mp4"
+
+
+def test_what_is_asked_from_elsewhere_is_refused(running):
+    asked = (
+        (421, {"Host": "evil.example"}),
+        (421, {"Host": "127.0.0.1.evil.example:80"}),
+        (403, {"Origin": "https://evil.example"}),
+        (403, {"Sec_Fetch_Site": "cross-site"}),
+        (400, {"Content_Length": "-1"}),
+    )
+    for status, headers in asked:
+        assert running.ask("GET", "/api/scene", **headers)[0] == status, headers
+    status, _, body = running.ask("POST", "/api/search", '{"words": "x"}')
+    assert (status, b"application/json" in body) == (400, True)  # no form of another page
+    long = json.dumps({"words": "x" * 1_100_000})
+    assert running.post("/api/search", {"words": "x" * 1000})[0] == 400
+    assert running.ask("POST", "/api/search", long, Content_Type="application/json")[0] == 413
+    assert (
+        running.post("/api/search", {"words": "two people meet", "zones": "/etc/passwd"})[0] == 400
+    )
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/api/runs/9/rows",
+        "/api/runs/-1/rows",
+        "/api/runs/..%2f..%2fcameras/video",
+        "/../../../etc/passwd",
+        "/scene/cameras/gate.json",
+        "/api/runs/0/rows/../../../etc/passwd",
+    ],
+)
+def test_no_file_but_the_given_runs_is_served(running, path):
+    assert running.ask("GET", path)[0] == 404
+
+
+def test_zones_are_checked_and_kept(running, tmp_path):
+    bay = {"zones": {"bay": {"camera": "gate", "points": [[0, 9], [3, 9], [3, 12]]}}}
+    assert running.post("/api/places", bay, "PUT") == (200, {"saved": True})
+    assert json.loads(running.ask("GET", "/api/places")[2]) == bay
+    for bad in (
+        {"zones": {"x": {"points": [[0, 0], [1, 1], [1, 0], [0, 1]]}}},
+        {"zones": {"x": {"camera": "nowhere", "points": [[0, 9], [3, 9], [3, 12]]}}},
+        {"zones": [1]},
+    ):
+        status, said = running.post("/api/places", bad, "PUT")
+        assert (status, said["error"]["kind"]) == (400, "input")
+        assert str(tmp_path) not in said["error"]["message"]
+    assert json.loads(running.ask("GET", "/api/places")[2]) == bay
+    assert running.post("/api/places", {}, "PUT")[0] == 200
+    assert json.loads(running.ask("GET", "/api/places")[2]) == {}
+
+
+def test_others_need_the_token(scene):
+    with pytest.raises(InputError, match="a token is needed"):
+        ServeOptions(host="0.0.0.0")
+    one = Running(scene, host="0.0.0.0", token="correct horse")
+    try:
+        assert one.ask("GET", "/api/scene")[0] == 401
+        assert one.ask("GET", "/")[0] == 401
+        assert one.ask("GET", "/api/scene", Authorization="Bearer wrong horse")[0] == 401
+        assert one.ask("GET", "/api/scene?token=correct%20horse")[0] == 401
+        assert one.ask("GET", "/api/scene", Authorization="Bearer correct horse")[0] == 200
+        status, headers, _ = one.ask("GET", "/?token=correct%20horse")
+        assert (status, headers["location"]) == (303, "/")
+        assert "HttpOnly" in headers["set-cookie"]
+        cookie = headers["set-cookie"].partition(";")[0]
+        assert one.ask("GET", "/api/scene", Cookie=cookie)[0] == 200
+    finally:
+        one.close()
+
+
+def test_the_served_page_searches_in_a_drawn_zone_and_shows_what_is_new(opened, running, scene):
+    page = opened.page
+    page.goto(f"{running.url}/")
+    expect(page.locator("#live")).to_have_attribute("data-state", "connected")
+    expect(page.locator("#tracks-count")).to_have_text("5 of 5 tracks")
+    page.keyboard.press("z")
+    corners = [[-1.5, 14.0, 0], [2.5, 14.0, 0], [2.5, 18.5, 0], [-1.5, 18.5, 0]]
+    for place in CAMERA.project(corners)[0]:
+        click(page, *place)
+    page.keyboard.press("Enter")
+    page.locator("#place-name").fill("bay")
+    with page.expect_response("**/api/places"):
+        page.keyboard.press("Enter")
+    page.locator("#tab-events").click()
+    page.locator("#words").fill("a person enters the zone bay")
+    page.keyboard.press("Enter")
+    expect(page.locator(".event")).to_have_count(1)
+    page.locator(".event").click()
+    assert page.locator("#timeline").get_attribute("aria-valuetext").startswith("00:07.")
+    # Somebody comes after the end, in the same run.
+    (folder,) = running.served._folders
+    late = track(30, walk((-3, 12), (3, 12), 6), begin_s=31.0)
+    shutil.rmtree(folder / "tracks")
+    for path in (folder / "runs").glob("*.json"):
+        path.unlink()
+    write_scene(folder, [*people(), parked(), late], provenance={"rate_hz": 10})
+    (folder / "events").mkdir(exist_ok=True)
+    told = {"id": "a", "state": "provisional", "activity": "a person walks", "run": "morning"}
+    told |= {"begin_s": 31.0, "end_s": 36.0, "score": 0.9, "probability": None}
+    told |= {"roles": {"person": 30}, "why": {"<b>walking</b>": 0.9}}
+    (folder / "events" / "morning.jsonl").write_text(json.dumps(told) + "\n")
+    expect(page.locator("#tracks-count")).to_have_text("6 of 6 tracks")
+    expect(page.locator(".event")).to_have_count(2)
+    page.keyboard.press("Tab")
+    assert {url.partition("/api")[0].rstrip("/") for url in opened.asked} <= {running.url, "data:,"}
