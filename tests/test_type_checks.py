@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import beartype
 import numpy as np
@@ -38,6 +39,10 @@ def numbered(rows: Sequence[int], *, word: str = "") -> Sequence[int]:
 
 
 @checked
+def chosen(word: Literal["one", "two"]) -> None: ...
+
+
+@checked
 @dataclass
 class Row:
     values: Float[np.ndarray, "2"]
@@ -51,6 +56,7 @@ class Row:
         (both, (TWO, TWO), (TWO, TWO.astype(int))),
         (numbered, ([1, 2],), (["1", "2"],)),
         (numbered, ((1, 2),), (("1", "2"),)),
+        (chosen, ("one",), ("three",)),
         (Row, (TWO,), (ONE,)),
         (with_a_closure(1), (TWO,), (ONE,)),
     ],

@@ -67,20 +67,22 @@ def once(target: Any = None, *, typechecker: Callable) -> Any:
 def _once(function: Callable, typechecker: Callable) -> Callable:
     passed = _PASSED[function.__module__, function.__qualname__, function.__code__]
     checked = functools.cache(lambda: _jaxtyped(function, typechecker=typechecker))
+    words = "Literal" in repr(inspect.get_annotations(function))
 
     @functools.wraps(function)
     def call(*args: Any, **kwargs: Any) -> Any:
         if jaxtyping.config.jaxtyping_disable:
             return function(*args, **kwargs)
-        given = _kind_of((args, *kwargs, *kwargs.values()))
+        kind = _kind_of((args, *kwargs.values()), words)
+        given = None if kind is None else (kind, *kwargs)
         if given not in passed:
             result = checked()(*args, **kwargs)
-            returned = _kind_of(result)
+            returned = _kind_of(result, words)
             if given is not None and returned is not None:
                 passed.update((given, (given, returned)))
             return result
         result = function(*args, **kwargs)
-        returned = _kind_of(result)
+        returned = _kind_of(result, words)
         if (given, returned) not in passed:
             _jaxtyped(_returning(result, function), typechecker=typechecker)(*args, **kwargs)
             passed.add((given, returned)) if returned is not None else passed.discard(given)
@@ -99,18 +101,21 @@ def _returning(result: object, function: Callable) -> Callable:
     return functools.update_wrapper(here, function)
 
 
-def _kind_of(value: Any) -> Hashable:
-    """All that a check of this value depends on; None where the value does not tell it."""
+def _kind_of(value: Any, words: bool) -> Hashable:
+    """All that a check of this value depends on; None where the value does not tell it.
+
+    ``words`` says whether the annotations permit some strings and no others.
+    """
     known = value.__class__
     if known in _TOLD:
         return known
     if known is np.ndarray:
         return value.shape, value.dtype
     if known is tuple:
-        kinds = tuple(map(_kind_of, value))
+        kinds = tuple([_kind_of(one, words) for one in value])
         return None if None in kinds else kinds
     if known is str:
-        return value
+        return value if words else known
     if isinstance(value, type):
         return type, value
     if isinstance(value, (np.ndarray, tuple)) or hasattr(known, "__iter__"):

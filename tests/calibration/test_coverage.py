@@ -14,12 +14,12 @@ SETTINGS = [
     (100, {"outliers": 0.1}),
     (100, {"tracks": 20}),
 ]
-SEEDS = 100
+SEEDS = 60
 
 
 @pytest.mark.parametrize(("n", "view"), SETTINGS)
 def test_intervals_hold_the_truth_as_often_as_they_say(n, view):
-    """Four parameters of 100 cameras a setting: 95 % of 400, of which about half independent."""
+    """Four parameters of 60 cameras a setting: 95 % of 240, of which about half independent."""
     found = trials(n, SEEDS, **view)
     assert len(found.refused) <= 2
     assert 0.90 <= found.coverage <= 0.99

@@ -186,12 +186,10 @@ def test_the_same_input_gives_the_same_bytes(tmp_path):
 
 _UNCERTAIN = ("covariance", "ground_error_m", "ground_error_from_camera_m")
 SCENES = {
-    "five people": ({}, 5, {}),
     "strong barrel": ({"distortion": (-0.3, 0, 0, 0, 0), "focal_px": 400.0}, 60, {}),
     "steep": ({"tilt_rad": np.radians(60), "focal_px": 500.0}, 60, {}),
     "straight down": ({"tilt_rad": np.pi / 2, "focal_px": 300.0}, 20, {}),
     "nadir in view": ({"tilt_rad": np.radians(75), "focal_px": 400.0}, 40, {}),
-    "small": ({"image_size": (320, 240), "focal_px": 400.0}, 40, {}),
     "portrait": ({"image_size": (1080, 1920), "focal_px": 1600.0}, 40, {}),
     "large": ({"image_size": (3840, 2160), "focal_px": 4000.0}, 40, {}),
     "no covariance": ({}, 20, dict.fromkeys(_UNCERTAIN)),
