@@ -380,7 +380,7 @@ def test_a_killed_first_attempt_keeps_its_numbers_and_nothing_else(tmp_path):
     out.write(walk(100))
     die(out)
     store(tmp_path, walk(50), run="q")
-    assert not [path for path in tmp_path.glob("runs/.r/*")]
+    assert not list(tmp_path.glob("runs/.r/*"))
     store(tmp_path, walk(100))
     assert [run.run for run in complete_runs(tmp_path)] == ["r", "q"]
 

@@ -19,9 +19,9 @@ BEHIND = 16.0
 
 def van_box(xy, drove_m=0.0):
     """A van's box: as long as a car, and 2.4 m high."""
-    low, high = car_box(xy + [drove_m, 0.0]), car_box(xy + [drove_m, 0.0])
-    head = CAMERA.project(np.array([[*xy, 2.4]]))[0][0, 1]
-    return np.array([low[0], head, high[2], high[3]])
+    x1, _, x2, y2 = car_box(xy + np.array([drove_m, 0.0]))
+    top = CAMERA.project(np.array([[*xy, 2.4]]))[0][0, 1]
+    return np.array([x1, top, x2, y2])
 
 
 def hides(person, van):

@@ -305,8 +305,8 @@ class Calibration:
         """Read a ``camera.json``, which holds everything except the people used.
 
         A file without a covariance has that of independent parameters with the deviations
-        ``sigma``; one without either has ``covariance`` None: its error is unknown. Raises :class:`InputError` naming the file and the field, also if there
-        is no camera.
+        ``sigma``; one without either has ``covariance`` None: its error is unknown. Raises
+        :class:`InputError` naming the file and the field, also if there is no camera.
         """
         fields = JsonObject.read(path, *SCHEMAS)
         camera = Camera.from_fields(fields)

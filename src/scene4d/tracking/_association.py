@@ -90,8 +90,8 @@ class GroundTracker:
     """Assigns track numbers, from 0, to the detections of successive frames; streaming.
 
     Holds the tracks in view, the vehicles that stood there within ``standing_memory_s``, and, with
-    a ``camera``, people who went behind something (:mod:`._hidden`). ``from_hiding`` (n,) says which
-    detections of the last frame are of people who came out again.
+    a ``camera``, people who went behind something (:mod:`._hidden`). ``from_hiding`` (n,) says
+    which detections of the last frame are of people who came out again.
     """
 
     def __init__(

@@ -51,8 +51,8 @@ class SmoothingSettings:
     standing_most_m: float = 1.5
     """Upper limit of both, a third of a car's length."""
     lag_s: float = 10.0
-    """In a stream, rows older than this are final; at least ``max_gap_s``,
-    ``max_hidden_s`` and ``standing_window_s``. Later detections change the position of a moving object by less than
+    """In a stream, rows older than this are final; at least ``max_gap_s``, ``max_hidden_s`` and
+    ``standing_window_s``. Later detections change the position of a moving object by less than
     2 mm at 10 Hz."""
 
     def __post_init__(self) -> None:

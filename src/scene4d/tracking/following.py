@@ -146,7 +146,7 @@ class _Follower:
     def _associate(
         self, look: Look, located: Located
     ) -> tuple[Int[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
-        """Track numbers of all rows: their own, or else the tracker's; and who was hidden before."""
+        """Track numbers of all rows, their own or else the tracker's; and who was hidden before."""
         detections = look.detections
         from_hiding = np.zeros(len(detections), bool)
         if (detections.track >= 0).all():
