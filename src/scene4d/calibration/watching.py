@@ -189,6 +189,7 @@ def watch(
     else:
         seen = Seen(Detections.concatenate(parts), len(sampled) - len(elsewhere))
         drop_stationary(seen)
+        _drop_unlike(seen)
         whole = len(person_segments(seen.detections))
         turned = turned_footage(people, background.kept_bgr, whole, seen.frames)
         if turned is not None:
@@ -272,6 +273,19 @@ def drop_stationary(seen: Seen) -> None:
         seen.notes.append(
             f"{int(still.sum())} sightings that never move (mannequins, posters, reflections) "
             "were left out."
+        )
+
+
+def _drop_unlike(seen: Seen) -> None:
+    """Remove what passes for people and has no body, and note how many."""
+    from scene4d.perception.likeness import unlike_people
+
+    unlike = unlike_people(seen.detections)
+    if unlike.any():
+        seen.detections = seen.detections.select(~unlike)
+        seen.notes.append(
+            f"{int(unlike.sum())} sightings that look more like things than like people were left "
+            "out."
         )
 
 

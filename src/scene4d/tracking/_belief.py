@@ -16,14 +16,17 @@ clutter as a third hypothesis):
 - what else stood there: stillness counts from when the place was first taken by something still.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import betaln, logsumexp
 
 from scene4d.core.boxes import covered, iou
 from scene4d.core.people import Detections
+from scene4d.perception.likeness import (
+    body_score,
+    people_log_likelihood,
+    vehicles_log_likelihood,
+)
 from scene4d.tracking._hidden import LONGEST_S
 from scene4d.tracking._motion_model import LASTING_S
 
@@ -32,8 +35,6 @@ FEWEST_SIGHTINGS = 3
 another track (chosen by hand on PETS 2009)."""
 LEAST_REAL = 0.5
 """Tracks less probable than this are not published: more likely a mistake than not."""
-_BEST_KEYPOINTS = 5
-"""Number of keypoints that count: a seated person may show only head and shoulders."""
 _MEMORY_S = 3.0
 """A track unseen for this long counts as ended."""
 _COVERED = 0.5
@@ -42,41 +43,6 @@ _SAME_PLACE_IOU = 0.6
 """Things whose mean boxes overlap by this stand at one place."""
 _STILL = 0.15
 """Movement, in heights, up to which a track may be a thing."""
-
-
-@dataclass(frozen=True)
-class _Normal:
-    """Distribution of a track's mean score: Student's t with ``freedom`` degrees."""
-
-    mean: float
-    sigma: float
-    freedom: float
-
-    def log_density(self, found: np.ndarray, n: np.ndarray, drop: np.ndarray) -> np.ndarray:
-        """Of means over ``n`` independent sightings, of objects seen ``drop`` worse."""
-        sigma = np.hypot(self.sigma, _WITHIN / np.sqrt(n))
-        z2 = ((found - self.mean + drop) / sigma) ** 2
-        half = (self.freedom + 1) / 2
-        out: np.ndarray = -half * np.log1p(z2 / self.freedom) - np.log(sigma)
-        return out
-
-
-# Means of tracks, read off PETS 2009, the lab and the crosswalk: walkers of 60 px and more have
-# scores of 0.75 to 0.87 and keypoints of 0.65 to 0.87, seated people 0.42 to 0.58 and 0.45 to 0.69;
-# signposts, hydrants and chairs 0.43 to 0.63 and 0.16 to 0.38, whatever their size.
-_WITHIN = 0.1
-"""Spread of one sighting's score about the track's mean."""
-_SCORE = {True: _Normal(0.83, 0.10, 4.0), False: _Normal(0.50, 0.09, 30.0)}
-_BODY = {True: _Normal(0.80, 0.12, 4.0), False: _Normal(0.27, 0.08, 30.0)}
-_HIDDEN_SHARE = 0.15
-_HIDDEN_SCORE, _HIDDEN_BODY = _Normal(0.52, 0.10, 30.0), _Normal(0.55, 0.12, 30.0)
-"""People who sit or stand behind something: their share, and how they are seen at any size."""
-_VEHICLE_SCORE = {True: _Normal(0.85, 0.12, 3.0), False: _Normal(0.42, 0.10, 30.0)}
-"""By whether the track is real. Vehicles: read off PETS 2009 and the crosswalk (YOLOv4-tiny)."""
-_SMALL_PX = 30.0
-_SCORE_DROP, _BODY_DROP, _VEHICLE_DROP = (0.21, 15.0), (0.45, 25.0), (0.20, 15.0)
-"""What is 30 px high is seen by this much worse than large ones; it falls by e over so many
-pixels."""
 _WALK, _SWAY, _JITTER = 0.2, 0.06, 0.015
 """In heights: spread of a walker's places per second of the track, what a standing person's grows
 by, and that of a thing's boxes, with which both begin."""
@@ -153,8 +119,7 @@ class Belief:
 
     def add(self, time_s: float, track: Int[np.ndarray, "n"], seen: Detections) -> None:
         """Add a frame, with all that was seen in it."""
-        best = np.sort(seen.keypoint_score, axis=1)[:, -_BEST_KEYPOINTS:]
-        body = best.mean(axis=1) if seen.keypoint_names else np.full(len(seen), np.nan)
+        body = body_score(seen)
         person = (seen.class_name == "person").astype(float)
         values = np.column_stack([person, seen.score, body]).tolist()
         self._time_s, self._frames = time_s, self._frames + 1
@@ -228,8 +193,8 @@ def _real(columns: np.ndarray, still_s: np.ndarray, now_s: float) -> np.ndarray:
     real, mistake = (
         np.where(
             person,
-            _people_look(score, body, height, effective, real),
-            _vehicles_look(score, height, effective, real),
+            people_log_likelihood(score, body, height, effective, real),
+            vehicles_log_likelihood(score, height, effective, real),
         )
         + _hits(n, chances, effective, real)
         for real in (True, False)
@@ -240,34 +205,6 @@ def _real(columns: np.ndarray, still_s: np.ndarray, now_s: float) -> np.ndarray:
     total = prior + np.stack([real, mistake, mistake]) + moves + lasts
     found: np.ndarray = np.exp(total[0] - logsumexp(total, axis=0))
     return found
-
-
-def _people_look(
-    score: np.ndarray, body: np.ndarray, height: np.ndarray, n: np.ndarray, real: bool
-) -> np.ndarray:
-    """Log likelihood of people's mean scores; NaN where there are no keypoints."""
-
-    def both(scores: _Normal, bodies: _Normal, share: float) -> np.ndarray:
-        """Of a share of the people, of whom those are seen worse who are far."""
-        told = bodies.log_density(body, n, share * _drop(height, _BODY_DROP))
-        of_score = scores.log_density(score, n, share * _drop(height, _SCORE_DROP))
-        return of_score + np.where(np.isfinite(told), told, 0.0)
-
-    if not real:
-        return both(_SCORE[False], _BODY[False], 0.0)
-    hidden = both(_HIDDEN_SCORE, _HIDDEN_BODY, 0.0) + np.log(_HIDDEN_SHARE)
-    return np.logaddexp(both(_SCORE[True], _BODY[True], 1.0) + np.log1p(-_HIDDEN_SHARE), hidden)
-
-
-def _vehicles_look(score: np.ndarray, height: np.ndarray, n: np.ndarray, real: bool) -> np.ndarray:
-    drop = _drop(height, _VEHICLE_DROP) if real else np.zeros(len(n))
-    return _VEHICLE_SCORE[real].log_density(score, n, drop)
-
-
-def _drop(height_px: np.ndarray, drop: tuple[float, float]) -> np.ndarray:
-    most, scale_px = drop
-    out: np.ndarray = most * np.exp(-np.maximum(height_px - _SMALL_PX, 0.0) / scale_px)
-    return out
 
 
 def _hits(n: np.ndarray, chances: np.ndarray, effective: np.ndarray, real: bool) -> np.ndarray:
