@@ -277,15 +277,15 @@ def drop_stationary(seen: Seen) -> None:
 
 
 def _drop_unlike(seen: Seen) -> None:
-    """Remove what passes for people and has no body, and note how many."""
+    """Remove what passes for people and has no body; note how many seemed to be seen whole."""
     from scene4d.perception.likeness import unlike_people
 
-    unlike = unlike_people(seen.detections)
-    if unlike.any():
-        seen.detections = seen.detections.select(~unlike)
+    whole = len(person_segments(seen.detections))
+    seen.detections = seen.detections.select(~unlike_people(seen.detections))
+    fewer = whole - len(person_segments(seen.detections))
+    if fewer:
         seen.notes.append(
-            f"{int(unlike.sum())} sightings that look more like things than like people were left "
-            "out."
+            f"{fewer} sightings that look more like things than like people were left out."
         )
 
 

@@ -107,7 +107,7 @@ def unlike_people(people: Detections) -> Bool[np.ndarray, "n"]:
         for values in (people.score, body, np.ptp(people.box_xyxy[:, 1::2], axis=1), people.time_s)
     )
     longest_s = np.zeros(len(track))
-    np.maximum.at(longest_s, at, np.abs(people.time_s - time_s[at]))
+    np.maximum.at(longest_s, at, np.abs(np.nan_to_num(people.time_s - time_s[at])))
     n = np.fmin(count, 1 + 2 * longest_s / _LASTING_S)
     real, mistake = (people_log_likelihood(score, body, height, n, real) for real in (True, False))
     return np.asarray((real < mistake)[at])
