@@ -285,7 +285,7 @@ def _drop_unlike(seen: Seen) -> None:
     fewer = whole - len(person_segments(seen.detections))
     if fewer:
         seen.notes.append(
-            f"{fewer} sightings that look more like things than like people were left out."
+            f"Sightings that look more like things than like people were left out: {fewer}."
         )
 
 
