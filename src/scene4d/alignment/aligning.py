@@ -10,6 +10,7 @@ import numpy as np
 
 from scene4d.alignment._graph import Solution, solve
 from scene4d.alignment._identity import identified, passages_of
+from scene4d.alignment._joint import refined
 from scene4d.alignment._options import AlignOptions
 from scene4d.alignment._pairs import Link, link
 from scene4d.alignment._paths import View, view_of
@@ -19,9 +20,10 @@ from scene4d.core.placement import Placement
 from scene4d.core.progress import Progress, Silent, timed
 from scene4d.core.tracks import Tracks
 from scene4d.store.identities import Identities
+from scene4d.store.regrounding import regrounded
 from scene4d.store.site import Site, in_site
 from scene4d.store.site_file import SiteCamera, SiteFile
-from scene4d.store.site_writing import write_site
+from scene4d.store.site_writing import refined_path, write_site
 
 _DRIFT_TOLD_S = 0.1
 """Clocks that drift apart by less than this over the footage are not worth a word."""
@@ -72,6 +74,30 @@ class _Read:
     view: View | None
 
 
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """A camera with its place, and its calibration if the site tells it better than its file."""
+
+    read: _Read
+    placement: Placement
+    refined: Calibration | None = None
+
+    @property
+    def name(self) -> str:
+        """The camera's in the site."""
+        return self.read.watched.name
+
+    def tracks(self) -> Tracks | None:
+        """What it tracked, on the site's ground and clock; None without a place."""
+        found = self.read.tracks
+        if found is None or not self.placement:
+            return None
+        if self.refined is not None:
+            found = regrounded(found, self.read.calibration, self.refined)
+        there = in_site(found, self.placement)
+        return replace(there, time_s=self.placement.times(there.time_s))
+
+
 def align(
     scenes: Sequence[str | Path],
     out: str | Path,
@@ -103,16 +129,15 @@ def align(
         links = _links(read, start_ns, options, progress)
     with timed(timings, "site"):
         solution = _solved(read, links)
-        placements = _placements(read, solution, links)
+        found = _placed(read, solution, links)
         warnings += _about(read, solution)
     with timed(timings, "identities"), progress.stage("Recognising people", None):
-        identities = _identities(read, placements)
-    said = SiteFile(
-        {one.watched.name: _entry(one, at) for one, at in zip(read, placements, strict=True)},
-        start_ns,
-    )
+        identities = _identities(found)
+    said = SiteFile({one.name: _entry(one, Path(out)) for one in found}, start_ns)
+    better = {one.name: one.refined for one in found if one.refined is not None}
     with timed(timings, "write"):
-        write_site(Path(out), said, identities, refined={}, pictures={})
+        write_site(Path(out), said, identities, refined=better, pictures={})
+    placements = [one.placement for one in found]
     reason = None if any(placements) else _nothing(placements)
     pairs = tuple(_told(one, read, solution) for one in links)
     return Alignment(Site.open(out), pairs, reason, tuple(warnings), timings)
@@ -157,32 +182,40 @@ def _solved(read: Sequence[_Read], links: Sequence[Link]) -> Solution | None:
     return solve([read[k].view for k in there], inside)  # type: ignore[misc]
 
 
-def _placements(
+def _placed(
     read: Sequence[_Read], solution: Solution | None, links: Sequence[Link]
-) -> list[Placement]:
-    found: list[Placement] = []
-    there = [k for k, one in enumerate(read) if one.view is not None]
-    for k, one in enumerate(read):
+) -> list[_Placed]:
+    """Every camera with its place, and its calibration where the site tells it better."""
+    if solution is None:
+        whys = [Placement.undetermined(_why(k, links)) for k in range(len(read))]
+        return [_Placed(one, why) for one, why in zip(read, whys, strict=True)]
+    views = [one.view for one in read if one.view is not None]
+    places = iter(zip(solution.placements, refined(views, solution), strict=True))
+    found = []
+    for one in read:
         if one.view is None:
-            found.append(Placement.undetermined("nobody was tracked by this camera"))
-        elif solution is None:
-            found.append(Placement.undetermined(_why(k, links)))
+            found.append(_Placed(one, Placement.undetermined("nobody was tracked by this camera")))
+            continue
+        placement, better = next(places)
+        drift = float(solution.drift[len(found) - sum(x.read.view is None for x in found)])
+        if better is None:
+            found.append(_Placed(one, _at_middle(one.view, placement, drift)))
         else:
-            found.append(_at_middle(one, solution, there.index(k)))
+            at = _at_middle(one.view, better.placement, drift)
+            found.append(_Placed(one, at, better.calibration))
     return found
 
 
-def _at_middle(one: _Read, solution: Solution, place: int) -> Placement:
+def _at_middle(view: View, placement: Placement, drift: float) -> Placement:
     """A placement with the offset at the middle of the footage, where the clock drifts."""
-    found, drift = solution.placements[place], float(solution.drift[place])
-    if not found or drift == 0.0 or one.view is None:
-        return found
-    middle_s = float(np.mean([one.view.time_s.min(), one.view.time_s.max()]))
-    return replace(found, time_offset_s=found.time_offset_s + drift * middle_s)
+    if not placement or drift == 0.0:
+        return placement
+    middle_s = float(np.mean([view.time_s.min(), view.time_s.max()]))
+    return replace(placement, time_offset_s=placement.time_offset_s + drift * middle_s)
 
 
 def _why(camera: int, links: Sequence[Link]) -> str:
-    """Why no pair places a camera: the most frequent reason."""
+    """Why no pair places a camera: its own reason, or the most frequent one."""
     said = [str(one.reason) for one in links if camera in (one.a, one.b)]
     return max(said, key=said.count)
 
@@ -213,24 +246,17 @@ def _about(read: Sequence[_Read], solution: Solution | None) -> list[str]:
     return said
 
 
-def _identities(read: Sequence[_Read], placements: Sequence[Placement]) -> Identities:
+def _identities(cameras: Sequence[_Placed]) -> Identities:
     """Everybody whom a camera with a place saw."""
-    passages = [
-        passages_of(one.watched.name, in_place(one.tracks, at))
-        for one, at in zip(read, placements, strict=True)
-        if one.tracks is not None and at
-    ]
-    return identified(passages)
+    seen = [(one.name, one.tracks()) for one in cameras]
+    return identified([passages_of(name, tracks) for name, tracks in seen if tracks is not None])
 
 
-def in_place(tracks: Tracks, placement: Placement) -> Tracks:
-    """Tracks of a camera on the site's ground and clock."""
-    return replace(in_site(tracks, placement), time_s=placement.times(tracks.time_s))
-
-
-def _entry(one: _Read, placement: Placement) -> SiteCamera:
-    runs = tuple(run.run for run in one.watched.runs)
-    return SiteCamera(one.watched.folder, one.watched.file, one.watched.camera, runs, placement)
+def _entry(one: _Placed, out: Path) -> SiteCamera:
+    watched = one.read.watched
+    file = watched.file if one.refined is None else refined_path(out, watched.name)
+    runs = tuple(run.run for run in watched.runs)
+    return SiteCamera(watched.folder, file, watched.camera, runs, one.placement)
 
 
 def _told(one: Link, read: Sequence[_Read], solution: Solution | None) -> dict[str, Any]:

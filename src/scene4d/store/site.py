@@ -24,10 +24,10 @@ from scene4d.core.errors import InputError
 from scene4d.core.placement import Placement
 from scene4d.core.tracks import Tracks
 from scene4d.store._question import Question, check_range, check_there
-from scene4d.store._regrounding import regrounded
 from scene4d.store.fusing import fused
 from scene4d.store.identities import Identities
 from scene4d.store.query import Scene
+from scene4d.store.regrounding import regrounded
 from scene4d.store.runs import Run, camera_identity
 from scene4d.store.schema import with_keypoints
 from scene4d.store.site_file import (
