@@ -14,8 +14,10 @@ from scene4d.alignment._joint import refined
 from scene4d.alignment._options import AlignOptions
 from scene4d.alignment._pairs import Link, link
 from scene4d.alignment._paths import View, view_of
+from scene4d.alignment._pictures import site_pictures
 from scene4d.alignment._reading import Watched, apart, site_start_ns, watched
 from scene4d.core.calibration import Calibration
+from scene4d.core.camera import Camera
 from scene4d.core.placement import Placement
 from scene4d.core.progress import Progress, Silent, timed
 from scene4d.core.tracks import Tracks
@@ -87,6 +89,12 @@ class _Placed:
         """The camera's in the site."""
         return self.read.watched.name
 
+    def camera(self) -> Camera:
+        """In the site's frame."""
+        known = (self.refined or self.read.calibration).camera
+        assert known is not None
+        return self.placement.camera(known)
+
     def tracks(self) -> Tracks | None:
         """What it tracked, on the site's ground and clock; None without a place."""
         found = self.read.tracks
@@ -135,8 +143,10 @@ def align(
         identities = _identities(found)
     said = SiteFile({one.name: _entry(one, Path(out)) for one in found}, start_ns)
     better = {one.name: one.refined for one in found if one.refined is not None}
+    with timed(timings, "pictures"):
+        pictures = _pictures(found, identities, progress) if options.pictures else {}
     with timed(timings, "write"):
-        write_site(Path(out), said, identities, refined=better, pictures={})
+        write_site(Path(out), said, identities, refined=better, pictures=pictures)
     placements = [one.placement for one in found]
     reason = None if any(placements) else _nothing(placements)
     pairs = tuple(_told(one, read, solution) for one in links)
@@ -250,6 +260,28 @@ def _identities(cameras: Sequence[_Placed]) -> Identities:
     """Everybody whom a camera with a place saw."""
     seen = [(one.name, one.tracks()) for one in cameras]
     return identified([passages_of(name, tracks) for name, tracks in seen if tracks is not None])
+
+
+def _pictures(
+    cameras: Sequence[_Placed], identities: Identities, progress: Progress
+) -> dict[str, bytes]:
+    """The plan and the pairs; none where no camera has a place."""
+    there = [(one, one.tracks()) for one in cameras if one.placement]
+    if not there:
+        return {}
+    with progress.stage("Drawing the site", None) as step:
+        return site_pictures(
+            {one.name: one.camera() for one, _ in there},
+            {one.name: one.placement for one, _ in there},
+            {
+                one.name: identities.of(one.name).numbered(tracks)
+                for one, tracks in there
+                if tracks is not None
+            },
+            {one.name: one.read.watched.runs for one, _ in there},
+            identities,
+            step,
+        )
 
 
 def _entry(one: _Placed, out: Path) -> SiteCamera:

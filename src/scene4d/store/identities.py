@@ -1,6 +1,6 @@
 """Which tracks of a site are one and the same: a table beside ``site.json``."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,7 @@ from jaxtyping import Float, Int
 from scene4d.core.columns import Columns
 from scene4d.core.errors import InputError
 from scene4d.core.tables import read_table
+from scene4d.core.tracks import Tracks
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +30,22 @@ class Identities(Columns):
     def columns(self) -> dict[str, np.ndarray]:
         """1-D columns with their names in the file."""
         return {name: getattr(self, name) for name in self.array_names()}
+
+    def of(self, camera: str) -> "Identities":
+        """The rows of one camera."""
+        return self.select(self.camera == camera)
+
+    def numbered(self, tracks: Tracks) -> Tracks:
+        """Tracks of the one camera whose rows these are, by identity and ordered by (track, time);
+        without those that have none.
+        """
+        if not len(self):
+            return tracks.select(np.zeros(len(tracks), bool))
+        order = np.argsort(self.track)
+        place = np.minimum(np.searchsorted(self.track[order], tracks.track), len(order) - 1)
+        there = self.track[order][place] == tracks.track
+        found = replace(tracks, track=self.identity[order][place]).select(there)
+        return found.select(np.lexsort((found.time_s, found.track)))
 
     @classmethod
     def load(cls, path: Path) -> "Identities":

@@ -194,7 +194,7 @@ class Site:
             )
         check_range(asked.get("begin"), asked.get("end"))
         own = _own_question(asked)
-        known = self.identities.select(self.identities.camera == camera)
+        known = self.identities.of(camera)
         if asked.get("tracks") is not None:
             known = known.select(np.isin(known.identity, np.asarray(asked["tracks"])))
             own["tracks"] = known.track
@@ -205,7 +205,7 @@ class Site:
             rows = scene.tracks(keypoints=keypoints, **own | limits)  # type: ignore[arg-type]
             found.append(replace(rows, time_s=rows.time_s + shift_s))
         tracks = self._placed_tracks(camera, _joined(found))
-        tracks = _numbered(tracks, known)
+        tracks = known.numbered(tracks)
         return _inside(tracks, asked.get("within_m"))
 
     def _placed_tracks(self, camera: str, tracks: Tracks) -> Tracks:
@@ -334,18 +334,6 @@ def _own_question(asked: Question) -> Question:
         if asked.get(name) is not None:
             own[name] = asked[name]
     return own
-
-
-def _numbered(tracks: Tracks, known: Identities) -> Tracks:
-    """The tracks that are known, by identity, ordered by (track, time)."""
-    if not len(known):
-        return tracks.select(np.zeros(len(tracks), bool))
-    order = np.argsort(known.track)
-    place = np.minimum(np.searchsorted(known.track[order], tracks.track), len(order) - 1)
-    there = known.track[order][place] == tracks.track
-    identity = known.identity[order][place]
-    tracks = replace(tracks, track=identity).select(there)
-    return tracks.select(np.lexsort((tracks.time_s, tracks.track)))
 
 
 def _inside(tracks: Tracks, within_m: Any) -> Tracks:

@@ -22,6 +22,9 @@ from scene4d.formats.cameras import (
     _deepstream as deepstream,
 )
 from scene4d.formats.cameras import (
+    _is_msgs as is_msgs,
+)
+from scene4d.formats.cameras import (
     _kitti as kitti,
 )
 from scene4d.formats.cameras import (
@@ -50,6 +53,7 @@ from scene4d.formats.cameras._contract import CameraFormat, ImageSize
 # The first whose sniff agrees reads the file, so the specific stand before the general.
 _FORMATS: tuple[CameraFormat, ...] = (
     openlabel.FORMAT,
+    is_msgs.FORMAT,
     camera_json.FORMAT,
     opencv.YAML,
     opencv.XML,
