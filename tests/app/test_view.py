@@ -19,6 +19,11 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.searching import SearchOptions, search
+from scene4d.store.identities import Identities
+from scene4d.store.site import Site
+from scene4d.store.site_file import SiteFile
+from scene4d.store.site_writing import write_site
+from site_worlds import Eye, place, seen, store, strolls
 from walks import CAMERA
 
 
@@ -89,8 +94,8 @@ def test_a_zone_is_drawn_named_saved_and_searched_in(opened, scene, written, tmp
     page.keyboard.press("z")
     corners = [(-1.5, 14.0), (2.5, 14.0), (2.5, 18.5), (-1.5, 18.5)]
     uv, _ = CAMERA.project([[*corner, 0.0] for corner in corners])
-    for place in uv:
-        click(page, *place)
+    for corner in uv:
+        click(page, *corner)
     page.keyboard.press("Enter")
     page.locator("#place-name").fill("bay")
     page.keyboard.press("Enter")
@@ -258,3 +263,41 @@ def test_modules_import_what_others_export():
             exported = asset(f"{other}.js")
             for one in map(str.strip, wanted.split(",")):
                 assert re.search(rf"^export [a-z ]*{re.escape(one)}\W", exported, re.M), one
+
+
+def test_the_cameras_of_a_site_share_a_plan_and_a_clock(opened, tmp_path):
+    west = Eye("west", place(0.0, 0.0, 0.0), (-4.0, 0.0), 12.0, noise_m=0.05, shared_m=0.0)
+    east = Eye("east", place(30.0, 4.0, 160.0, 1.05, 7.3), (4.0, 0.0), 12.0, 0.05, 0.0)
+    walkers = strolls(4, 40.0, 8.0)
+    cameras, rows = {}, []
+    for eye in (west, east):
+        tracks, whose = seen(eye, walkers)
+        cameras[eye.name] = store(tmp_path / eye.name, eye, tracks, None)
+        rows += [(eye.name, number, who + 1, 1.0) for number, who in whose.items()]
+    columns = [np.array(column) for column in zip(*rows, strict=True)]
+    identities = Identities(*columns)
+    write_site(tmp_path / "site", SiteFile(cameras), identities, refined={}, pictures={})
+    page = opened.page
+    page.goto(view([tmp_path / "site"], tmp_path / "page.html").as_uri())
+    box = page.locator("#timeline").bounding_box()
+    page.mouse.click(box["x"] + box["width"] / 2, box["y"] + 60)
+    moment = page.locator("#now").inner_text()
+    page.locator("#run-choice").select_option("1")
+    assert page.locator("#now").inner_text() == moment
+    # The east camera's page shows its tracks where the site has them.
+    expected = Site.open(tmp_path / "site").camera_tracks("east", keypoints=False)
+    shown = rows_shown(page, 1)
+    assert np.abs(shown - expected.xy_m).max() < 0.002
+    said = json.loads(page.locator("#data").text_content())
+    assert np.allclose(said["cameras"]["east"]["R"], Site.open(tmp_path / "site").camera("east").R)
+
+
+def rows_shown(page, number: int) -> np.ndarray:
+    """Positions that a page holds of a run, unpacked as its script does."""
+    run = json.loads(page.locator("#data").text_content())["runs"][number]["data"]
+    found = []
+    for name in ("x_m", "y_m"):
+        column = run["columns"][name]
+        codes = np.frombuffer(base64.b64decode(column["codes"]), "<u2")
+        found.append(column["offset"] + column["scale"] * codes)
+    return np.column_stack(found)

@@ -4,6 +4,7 @@ import asyncio
 import json
 import threading
 from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -136,18 +137,13 @@ class Api:
     async def _news(self, request: Request) -> AsyncIterator[str]:
         """Runs that have grown, and what ``watch`` tells, as server-sent events."""
         served = self._served
-        known = {run["run"]: run["rows"] for run in served.contents()["runs"]}
+        known = {run["run"]: run["rows"] for run in served.refresh()}
         told, quiet_s = await run_in_threadpool(served.told_so_far), 0.0
         yield "retry: 2000\n\n"
         while not (served.ending or await request.is_disconnected()):
-            await run_in_threadpool(served.refresh)
             news = []
-            for run in (await run_in_threadpool(served.contents))["runs"]:
-                if known.get(run["run"]) != run["rows"]:
-                    known[run["run"]] = run["rows"]
-                    kept = ("run", "camera", "rows", "begin_s", "end_s")
-                    news.append(("run", json.dumps({key: run[key] for key in kept})))
-            news += [("alert", line) for line in await run_in_threadpool(served.told, told)]
+            with suppress(Scene4DError, OSError):  # a scene that is being replaced: the next time
+                news = await run_in_threadpool(_news, served, known, told)
             quiet_s = 0.0 if news else quiet_s + _LOOK_S
             if quiet_s >= _BEAT_S:
                 quiet_s = 0.0
@@ -155,6 +151,17 @@ class Api:
             for kind, line in news:
                 yield f"event: {kind}\ndata: {line}\n\n"
             await asyncio.sleep(_LOOK_S)
+
+
+def _news(served: Served, known: dict[str, int], told: dict[str, int]) -> list[tuple[str, str]]:
+    """Runs whose numbers of rows are not the ``known`` ones, and lines that were ``told`` since."""
+    news = []
+    for run in served.refresh():
+        if known.get(run["run"]) != run["rows"]:
+            known[run["run"]] = run["rows"]
+            kept = ("run", "camera", "rows", "begin_s", "end_s")
+            news.append(("run", json.dumps({key: run[key] for key in kept})))
+    return news + [("alert", line) for line in served.told(told)]
 
 
 async def _body(request: Request) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """What a page shows: cameras with their uncertainty, runs with rows, events and footage."""
 
 import json
-from dataclasses import dataclass
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
@@ -9,34 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from scene4d.app._opened import Opened, Shown
 from scene4d.core import geometry
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.text import quoted
 from scene4d.searching import FoundEvent, Places, SearchResult
-from scene4d.store.query import Scene
 from scene4d.store.runs import Run, file_name
 
 VIEW_SCHEMA = "scene4d/view/1"
 _MOST_EVENTS = 500
 """Most events of one run in a page; more marks on its timeline cannot be told apart."""
-
-
-@dataclass(frozen=True, eq=False)
-class Shown:
-    """A run, and the calibration of its camera."""
-
-    run: Run
-    calibration: Calibration
-
-
-def shown_runs(scene: Scene) -> list[Shown]:
-    """The runs that have rows; raises :class:`InputError` where there is none."""
-    known = {name: Calibration.load(scene.camera_file(name)) for name in scene.cameras}
-    found = [Shown(run, known[run.camera]) for run in scene.runs if run.rows]
-    if not found:
-        raise InputError("the scene is empty: nobody was tracked")
-    return found
 
 
 def camera_of(calibration: Calibration) -> dict[str, Any]:
@@ -70,20 +52,23 @@ def camera_of(calibration: Calibration) -> dict[str, Any]:
 
 
 def run_of(shown: Shown) -> dict[str, Any]:
-    """A run in brief; its rows, footage and events come beside it."""
+    """A run in brief, on the page's clock; its rows, footage and events come beside it."""
     run = shown.run
-    begin_s, end_s = run.span_s or (0.0, 0.0)
-    start = str(np.datetime64(run.start_ns, "ns").astype("datetime64[ms]"))
+    begin_s, end_s = shown.span_s
+    start = None
+    if shown.start_ns is not None:
+        start = f"{np.datetime64(shown.start_ns, 'ns').astype('datetime64[ms]')}Z"
     return {
         "run": run.run,
-        "camera": run.camera,
-        "start": f"{start}Z" if run.start_known else None,
+        "camera": shown.camera,
+        "start": start,
+        "shift_s": shown.shift_s,
         "begin_s": begin_s,
         "end_s": end_s,
         "rows": run.rows,
         "classes": run.classes,
         "step_s": 1.0 / _rate_hz(run),
-        "lost": _lost(run),
+        "lost": [[a + shown.shift_s, b + shown.shift_s] for a, b in _lost(run)],
     }
 
 
@@ -145,14 +130,16 @@ def watched_events(folder: Path, run: Run) -> list[dict[str, Any]]:
     return kept[-_MOST_EVENTS:]
 
 
-def contents(title: str, runs: list[dict[str, Any]], shown: list[Shown]) -> dict[str, Any]:
+def contents(folders: list[Path], opened: Opened, runs: list[dict[str, Any]]) -> dict[str, Any]:
     """The object that a page is made of."""
-    cameras = {one.run.camera: camera_of(one.calibration) for one in shown}
+    names = [*(folder.resolve().name for folder in folders), *opened.cameras]
     return {
         "schema": VIEW_SCHEMA,
         "version": version("scene4d"),
-        "title": title,
-        "cameras": cameras,
+        "title": ", ".join(names),
+        "site": opened.site is not None,
+        "unplaced": opened.unplaced,
+        "cameras": {one.camera: camera_of(one.calibration) for one in opened.shown},
         "runs": runs,
     }
 

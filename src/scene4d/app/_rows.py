@@ -3,87 +3,64 @@
 from typing import Any
 
 import numpy as np
-from arro3.core import Table
+from jaxtyping import Float, Int
 
 from scene4d.app._packing import flags, integers, milliseconds, packed
-from scene4d.store.query import Scene
+from scene4d.core.tracks import Tracks
 
-_NUMBERS = (
-    *("x_m", "y_m", "vx_mps", "vy_mps", "heading_rad"),
-    *("x1", "y1", "x2", "y2"),
-)
-_BRIEF = (
-    *("length_m", "width_m", "height_m"),
-    *("length_sigma_m", "width_sigma_m", "height_sigma_m"),
-    "existence_probability",
-)
-"""What is a track's, and repeated in its rows."""
-_VARIANCES = ("xx", "xy", "yy")
-_KINDS = {"own": "var_{0}", "whole": "var_{0} + COALESCE(shared_{0}, 0)"}
-"""Errors of a position: what is its own, and with the camera's, which all positions share."""
+_SIZES = ("length_m", "width_m", "height_m")
+_SIGMAS = ("length_sigma_m", "width_sigma_m", "height_sigma_m")
 
 
-def rows_of(scene: Scene, since_s: float | None = None) -> dict[str, Any]:
-    """Rows of a scene of one run, from ``since_s`` on, in order of (track, time).
+def rows_of(tracks: Tracks) -> dict[str, Any]:
+    """Rows in order of (track, time).
 
     Positions carry the standard deviations of their own errors, and those with the camera's.
     """
-    table = scene.sql(_query(since_s))
-    if not table.num_rows:
+    if not len(tracks):
         return {"rows": 0, "tracks": []}
-    track = _column(table, "track")
-    starts = np.flatnonzero(np.diff(track, prepend=track[0] - 1))
-    columns = {name: _column(table, name) for name in _NUMBERS}
-    for kind in _KINDS:
-        columns |= _spread(kind, *(_column(table, f"{kind}_{name}") for name in _VARIANCES))
+    starts = np.flatnonzero(np.diff(tracks.track, prepend=tracks.track[0] - 1))
+    columns = _named("x_m y_m", tracks.xy_m) | _named("vx_mps vy_mps", tracks.velocity_mps)
+    columns |= {"heading_rad": tracks.heading_rad} | _named("x1 y1 x2 y2", tracks.box_xyxy)
+    columns |= _spread("own", tracks.covariance_m2)
+    shared = np.nan_to_num(tracks.shared_covariance_m2)
+    columns |= _spread("whole", tracks.covariance_m2 + shared)
     return {
-        "rows": len(track),
-        "starts": integers(np.append(starts, len(track))),
-        "time_ms": milliseconds(_column(table, "time_s")),
-        "observed": flags(_column(table, "observed")),
+        "rows": len(tracks),
+        "starts": integers(np.append(starts, len(tracks))),
+        "time_ms": milliseconds(tracks.time_s),
+        "observed": flags(tracks.observed),
         "columns": packed(columns),
-        "tracks": _tracks(table, track, starts),
+        "tracks": _brief(tracks, starts),
     }
 
 
-def _query(since_s: float | None) -> str:
-    floats = [f"COALESCE({name}, 'NaN'::DOUBLE) AS {name}" for name in (*_NUMBERS, *_BRIEF)]
-    floats += [
-        f"COALESCE({sql.format(name)}, 'NaN'::DOUBLE) AS {kind}_{name}"
-        for kind, sql in _KINDS.items()
-        for name in _VARIANCES
-    ]
-    since = "" if since_s is None else f"WHERE time_s >= {float(since_s)!r}"
-    names = ", ".join(["track", "class::VARCHAR AS class", "time_s", "observed", *floats])
-    return f"SELECT {names} FROM scene {since} ORDER BY track, time_s"
+def _named(names: str, values: Float[np.ndarray, "n k"]) -> dict[str, np.ndarray]:
+    return dict(zip(names.split(), values.T, strict=True))
 
 
-def _column(table: Table, name: str) -> np.ndarray:
-    return np.asarray(table[name].to_numpy())
-
-
-def _spread(kind: str, xx: np.ndarray, xy: np.ndarray, yy: np.ndarray) -> dict[str, np.ndarray]:
+def _spread(kind: str, covariance: Float[np.ndarray, "n 2 2"]) -> dict[str, np.ndarray]:
     """Covariances as two standard deviations and their correlation."""
-    sigma_x, sigma_y = np.sqrt(np.maximum(xx, 0)), np.sqrt(np.maximum(yy, 0))
+    x, y = (np.sqrt(np.maximum(covariance[:, axis, axis], 0)) for axis in (0, 1))
     with np.errstate(invalid="ignore", divide="ignore"):
-        correlation = np.clip(xy / (sigma_x * sigma_y), -1, 1)
-    known = np.isfinite(sigma_x)
-    correlation = np.where(known & ~np.isfinite(correlation), 0.0, correlation)
-    return {f"{kind}_x": sigma_x, f"{kind}_y": sigma_y, f"{kind}_correlation": correlation}
+        correlation = np.clip(covariance[:, 0, 1] / (x * y), -1, 1)
+    correlation = np.where(np.isfinite(x) & ~np.isfinite(correlation), 0.0, correlation)
+    return {f"{kind}_x": x, f"{kind}_y": y, f"{kind}_correlation": correlation}
 
 
-def _tracks(table: Table, track: np.ndarray, starts: np.ndarray) -> list[dict[str, Any]]:
+def _brief(tracks: Tracks, starts: Int[np.ndarray, "t"]) -> list[dict[str, Any]]:
     """Number, class and what is known of each track's size, as in its last row."""
-    last = np.append(starts[1:], len(track)) - 1
-    names = table["class"].to_pylist()
-    brief = {name: _column(table, name)[last] for name in _BRIEF}
+    last = np.append(starts[1:], len(tracks)) - 1
+    known = dict(zip(_SIZES, tracks.size_m[last].T, strict=True))
+    known |= dict(zip(_SIGMAS, tracks.size_sigma_m[last].T, strict=True))
+    known |= {"existence_probability": tracks.existence_probability[last]}
     return [
         {
-            "track": int(track[row]),
-            "class": names[row],
+            "track": int(tracks.track[row]),
+            "class": str(tracks.class_name[row]),
             **{
                 name: round(float(values[number]), 4)
-                for name, values in brief.items()
+                for name, values in known.items()
                 if np.isfinite(values[number])
             },
         }

@@ -6,15 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from scene4d.app._contents import (
-    Shown,
     contents,
     places_json,
     run_of,
     search_of,
-    shown_runs,
     watched_events,
 )
 from scene4d.app._footage import check_size, encoded, plays, view_of
+from scene4d.app._opened import Opened, Shown
 from scene4d.app._page import page_html
 from scene4d.app._rows import rows_of
 from scene4d.core.errors import InputError
@@ -22,7 +21,6 @@ from scene4d.core.files import write_bytes, write_json
 from scene4d.core.progress import Silent
 from scene4d.searching import SearchOptions, answer, read_places, understand_all
 from scene4d.store.footage import NoFootage, footage_of
-from scene4d.store.query import Scene
 from scene4d.video.reader import open_source
 
 _SIDE_PX, _CRF = 1280, 24
@@ -45,7 +43,7 @@ class Served:
         self._made = tempfile.TemporaryDirectory(prefix="scene4d-")
         self._names: list[str] = []
         self._stamp: Any = None
-        self._scene: Scene
+        self._opened: Opened
         self._shown: dict[str, Shown] = {}
         self.refresh()
 
@@ -54,23 +52,21 @@ class Served:
         self._made.cleanup()
 
     def refresh(self) -> list[dict[str, Any]]:
-        """Read manifests that have changed; the runs that are new or longer, in brief."""
+        """Read manifests that have changed; returns all runs in brief."""
         with self._lock:
             stamp = self._manifests()
-            if stamp == self._stamp:
-                return []
-            scene = Scene.open(*self._folders)
-            shown = {one.run.run: one for one in shown_runs(scene)}
-            before = {name: one.run.rows for name, one in self._shown.items()}
-            self._names += [name for name in shown if name not in self._names]
-            self._scene, self._shown, self._stamp = scene, shown, stamp
-        return [run_of(one) for name, one in shown.items() if before.get(name) != one.run.rows]
+            if stamp != self._stamp:
+                opened = Opened(self._folders)
+                shown = {_key(one): one for one in opened.shown}
+                self._names += [name for name in shown if name not in self._names]
+                self._opened, self._shown, self._stamp = opened, shown, stamp
+            return [run_of(one) for one in self._shown.values()]
 
     def _manifests(self) -> list[tuple[str, int, int]]:
-        """Names, times and sizes of the manifests: what changes when a run is published."""
+        """Names, times and sizes of files that change with a run or a site."""
         found = []
         for folder in self._folders:
-            for path in sorted((folder / "runs").glob("*.json")):
+            for path in sorted([*(folder / "runs").glob("*.json"), *folder.glob("site.json")]):
                 about = path.stat()
                 found.append((str(path), about.st_mtime_ns, about.st_size))
         return found
@@ -82,11 +78,10 @@ class Served:
     def contents(self) -> dict[str, Any]:
         """Cameras, runs and what was told of them, without rows."""
         with self._lock:
+            opened = self._opened
             shown = [self._shown[name] for name in self._names if name in self._shown]
-            cameras = self._scene.cameras
-        runs = [self._run(one) for one in shown]
-        title = ", ".join([*(folder.resolve().name for folder in self._folders), *cameras])
-        return contents(title, runs, shown) | {"searches": [], "places": None}
+        said = contents(self._folders, opened, [self._run(one) for one in shown])
+        return said | {"searches": [], "places": None}
 
     def _run(self, shown: Shown) -> dict[str, Any]:
         place = self._place(shown)
@@ -106,9 +101,9 @@ class Served:
 
     def rows(self, number: int, since_s: float | None) -> dict[str, Any]:
         """The rows of a run; raises :class:`LookupError` where there is none."""
-        name = self._named(number).run.run
+        shown = self._named(number)
         with self._lock:
-            return rows_of(self._scene.only(name), since_s)
+            return rows_of(self._opened.tracks(shown, since_s))
 
     def video(self, number: int) -> Path:
         """A file that browsers play; footage in other forms is encoded once, at its first use.
@@ -147,8 +142,8 @@ class Served:
     def search(self, words: str, options: dict[str, Any]) -> list[dict[str, Any]]:
         """Searches as words ask for them, with the zones that are saved."""
         zones = self._zones if self._zones.is_file() else None
-        scene = Scene.open(*self._folders)
-        asked = understand_all(scene, words, SearchOptions(zones=zones, **options))
+        whole = Opened(self._folders).whole
+        asked = understand_all(whole, words, SearchOptions(zones=zones, **options))
         return [search_of(answer(one, Silent())) for one in asked]
 
     def places(self) -> dict[str, Any]:
@@ -156,7 +151,7 @@ class Served:
         if not self._zones.is_file():
             return {}
         with self._lock:
-            return places_json(read_places(self._zones, self._scene.cameras))
+            return places_json(read_places(self._zones, self._opened.cameras))
 
     def save_places(self, said: dict[str, Any]) -> None:
         """Check zones and lines, and write their file; raises :class:`InputError`."""
@@ -167,7 +162,7 @@ class Served:
             probe = Path(folder) / "zones"
             write_json(probe, said)
             with self._lock:
-                cameras = self._scene.cameras
+                cameras = self._opened.cameras
             try:
                 read_places(probe, cameras)
             except InputError as error:
@@ -195,3 +190,8 @@ class Served:
         sizes: dict[str, int] = {}
         self.told(sizes)
         return sizes
+
+
+def _key(shown: Shown) -> str:
+    """Names a run for good: cameras of a site may have runs of one name."""
+    return f"{shown.camera}\n{shown.run.run}"

@@ -7,15 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from scene4d.app._contents import (
-    Shown,
     contents,
     places_json,
     run_of,
     search_of,
-    shown_runs,
     watched_events,
 )
 from scene4d.app._footage import Footage, footage_for_page
+from scene4d.app._opened import Opened, Shown
 from scene4d.app._page import page_html
 from scene4d.app._rows import rows_of
 from scene4d.core.errors import InputError
@@ -23,7 +22,6 @@ from scene4d.core.files import write_bytes
 from scene4d.core.progress import Progress, Silent
 from scene4d.searching import SearchOptions, answer, read_places, understand_all
 from scene4d.store.footage import footage_of
-from scene4d.store.query import Scene
 
 _VIDEO_BYTES = 10_000_000
 """Most that all footage of a page takes before base64, which makes it a third more."""
@@ -58,58 +56,58 @@ def view(
     *,
     progress: Progress | None = None,
 ) -> Path:
-    """Write a page of one or several scenes to ``out``; returns its path.
+    """Write a page of one or several scenes, or of a site, to ``out``; returns its path.
 
     Raises :class:`InputError` for a scene that cannot be read, is empty or too large for a page,
     and for words that are not understood; :class:`OutputError` if ``out`` cannot be written.
     """
     options, progress = options or ViewOptions(), progress or Silent()
     folders = [Path(one) for one in scenes]
-    scene = Scene.open(*folders)
-    if len(scene) > _MOST_ROWS:
+    opened = Opened(folders)
+    if opened.rows > _MOST_ROWS:
         raise InputError(
-            f"the scene has {len(scene):,} rows, more than the {_MOST_ROWS:,} of a page; serve it"
+            f"the scene has {opened.rows:,} rows, more than the {_MOST_ROWS:,} of a page; serve it"
         )
-    shown = shown_runs(scene)
-    found = _searched(scene, options, progress)
+    found = _searched(opened, options, progress)
     runs, media = [], []
-    with progress.stage("Gathering tracks and footage", len(shown)) as step:
-        for one in shown:
-            run, footage = _run(scene, one, folders, options, len(shown))
+    with progress.stage("Gathering tracks and footage", len(opened.shown)) as step:
+        for one in opened.shown:
+            run, footage = _run(opened, one, folders, options)
             runs.append(run)
             media.append(footage)
             step(1)
-    title = ", ".join([*(folder.resolve().name for folder in folders), *scene.cameras])
-    said = contents(title, runs, shown) | {"searches": found, "places": _places(scene, options)}
+    said = contents(folders, opened, runs)
+    said |= {"searches": found, "places": _places(opened, options)}
     write_bytes(out, page_html(said, media).encode())
     return Path(out)
 
 
 def _run(
-    scene: Scene, shown: Shown, folders: list[Path], options: ViewOptions, runs: int
+    opened: Opened, shown: Shown, folders: list[Path], options: ViewOptions
 ) -> tuple[dict[str, Any], Footage]:
+    runs = len(opened.shown)
     given = None if options.footage is None else Path(options.footage)
     place = footage_of(shown.run, given, alone=runs == 1)
     budget = _VIDEO_BYTES // runs if options.video else 0
     footage = footage_for_page(place, shown.calibration.image_size, budget)
     watched = [event for folder in folders for event in watched_events(folder, shown.run)]
     return run_of(shown) | {
-        "data": rows_of(scene.only(shown.run.run)),
+        "data": rows_of(opened.tracks(shown)),
         "watched": watched,
         "note": footage.note,
     }, footage
 
 
-def _searched(scene: Scene, options: ViewOptions, progress: Progress) -> list[dict[str, Any]]:
+def _searched(opened: Opened, options: ViewOptions, progress: Progress) -> list[dict[str, Any]]:
     asked = [
         one
         for words in options.searches
-        for one in understand_all(scene, words, SearchOptions(zones=options.zones))
+        for one in understand_all(opened.whole, words, SearchOptions(zones=options.zones))
     ]
     return [search_of(answer(one, progress)) for one in asked]
 
 
-def _places(scene: Scene, options: ViewOptions) -> dict[str, Any] | None:
+def _places(opened: Opened, options: ViewOptions) -> dict[str, Any] | None:
     if options.zones is None:
         return None
-    return places_json(read_places(Path(options.zones), scene.cameras))
+    return places_json(read_places(Path(options.zones), opened.cameras))

@@ -1,5 +1,5 @@
 // One clock for the picture, the plan and the timeline: the video's own while it plays.
-import { $, draw, on, run, set, state, tell } from "./state.js";
+import { $, draw, on, run, set, state, tell, world } from "./state.js";
 import { clock, stopwatch } from "./look.js";
 
 let pending = null;
@@ -8,7 +8,7 @@ let frameMs = null;
 
 export function startClock() {
   on("run", () => {
-    pause();
+    pauseAll();
     seek(Math.max(run().begin, Math.min(run().end, state.ms)));
   });
   on("speed", () => {
@@ -52,13 +52,13 @@ export function follow(now) {
   video.addEventListener("ended", () => pause());
   if (video.requestVideoFrameCallback) {
     const each = (_, data) => {
-      frameMs = 1000 * data.mediaTime;
+      if (now === run()) frameMs = 1000 * (data.mediaTime + now.said.shift_s);
       video.requestVideoFrameCallback(each);
       draw();
     };
     video.requestVideoFrameCallback(each);
   }
-  video.currentTime = state.ms / 1000;
+  video.currentTime = Math.max(0, state.ms / 1000 - now.said.shift_s);
 }
 
 export function seek(ms) {
@@ -67,7 +67,7 @@ export function seek(ms) {
   state.ms = Math.max(now.begin, Math.min(now.end, ms));
   const video = now.video;
   if (video) {
-    const s = Math.min(state.ms / 1000, (video.duration || Infinity) - 0.001);
+    const s = Math.max(0, Math.min(state.ms / 1000 - now.said.shift_s, (video.duration || Infinity) - 0.001));
     if (video.seeking) pending = s; else video.currentTime = s;
   }
   last = performance.now();
@@ -81,6 +81,11 @@ export function toggle() {
 export function pause() {
   const now = run();
   if (now && now.video) now.video.pause();
+  set("playing", false);
+}
+
+function pauseAll() {
+  for (const one of world.runs) if (one.video) one.video.pause();
   set("playing", false);
 }
 
@@ -106,7 +111,7 @@ function tick() {
   if (!state.playing || !now) return;
   const time = performance.now();
   if (now.video && !now.video.paused) {
-    const ms = 1000 * now.video.currentTime;
+    const ms = 1000 * (now.video.currentTime + now.said.shift_s);
     state.ms = frameMs !== null && Math.abs(frameMs - ms) < 250 ? frameMs : ms;
   } else if (!now.video) {
     state.ms += (time - last) * state.speed;

@@ -153,6 +153,10 @@ function begin() {
   startKeys();
   on("run", showRun);
   tell("run");
+  for (const [name, reason] of Object.entries(world.data.unplaced)) {
+    $("unplaced").append(element("li", {}, `${name} has no place in the site: ${reason}`));
+  }
+  if (world.data.site) world.runs.filter((one) => !one.loaded).forEach(loadMedia);
   startLive();
   document.documentElement.dataset.ready = "true";
 }

@@ -59,7 +59,7 @@ function askName(draft) {
 function keep(place) {
   let name = place.name;
   for (let n = 2; world.places.some((one) => one.name.toLowerCase() === name.toLowerCase()); n++) name = `${place.name} ${n}`;
-  world.places.push({ kind: place.kind, name, points: place.points, camera: run().said.camera });
+  world.places.push({ kind: place.kind, name, points: place.points, camera: world.data.site ? null : run().said.camera });
   announce(`${place.kind === "zone" ? "Zone" : "Line"} ${name} is drawn.`);
   set("tab", "places");
   tell("places-changed");

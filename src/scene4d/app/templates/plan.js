@@ -1,5 +1,5 @@
 // The ground from straight above, in metres.
-import { $, isLit, on, passes, run, state } from "./state.js";
+import { $, isLit, on, passes, run, state, world } from "./state.js";
 import { Cached, Viewport } from "./viewport.js";
 import { colour, label, niceStep } from "./look.js";
 import { groundPhoto, heatMap, layer } from "./scenery.js";
@@ -14,12 +14,13 @@ let below = null;
 
 export function startPlan() {
   view = new Viewport($("plan"), () => {
-    const [x0, y0, x1, y1] = run() ? run().area : [-10, 0, 10, 20];
-    return [x0, -y1, x1, -y0];
+    const areas = run() ? together(run()).map((one) => one.area) : [[-10, 0, 10, 20]];
+    const edge = (i, of) => of(...areas.map((area) => area[i]));
+    return [edge(0, Math.min), -edge(3, Math.max), edge(2, Math.max), -edge(1, Math.min)];
   });
   paths = new Cached(view);
   below = new Cached(view);
-  on("run", () => view.reset());
+  on("run", () => (world.data.site ? view.changed() : view.reset()));
   on("draw", paintPlan);
   return view;
 }
@@ -38,14 +39,17 @@ function paintPlan() {
   if (!now || !view.width) return;
   const context = view.begin();
   const look = document.documentElement.dataset.theme;
-  const key = `${state.run} ${state.photo} ${now.viewReady} ${now.areaVersion} ${look}`;
+  const ready = together(now).map((one) => `${one.viewReady} ${one.areaVersion}`);
+  const key = `${state.run} ${state.photo} ${ready} ${look}`;
   below.show(key, (made) => paintGround(made, now));
   if (layer("heat")) paintHeat(context, now);
-  if (layer("paths")) paths.show(`${state.run} ${now.version} ${look} ${JSON.stringify(state.filter)}`, (made) => paintPaths(made, now));
-  const there = now.there();
-  if (layer("paths")) there.forEach((one) => paintTrail(context, now, one));
-  paintSelected(context, now);
-  there.forEach((one) => paintOne(context, one));
+  if (layer("paths")) paths.show(`${state.run} ${together(now).map((one) => one.version)} ${look} ${JSON.stringify(state.filter)}`, (made) => together(now).forEach((one) => paintPaths(made, one)));
+  for (const other of together(now)) {
+    const there = other.there();
+    if (layer("paths")) there.forEach((one) => paintTrail(context, other, one));
+    paintSelected(context, other);
+    there.forEach((one) => paintOne(context, one));
+  }
   marksOnPlan(context, onPlan, now);
   paintScale(context);
 }
@@ -56,6 +60,15 @@ function lineTo(context, points) {
 }
 
 function paintGround(context, now) {
+  for (const one of together(now)) paintPhoto(context, one);
+  paintGrid(context);
+  for (const one of together(now)) paintCamera(context, one, one === now);
+}
+
+// The runs on this ground: all of a site.
+const together = (now) => (world.data.site ? world.runs : [now]);
+
+function paintPhoto(context, now) {
   const [x0, y0, x1, y1] = now.area;
   if (state.photo && now.view) {
     now.photo ??= groundPhoto(now.camera, now.view, now.area);
@@ -66,8 +79,6 @@ function paintGround(context, now) {
     context.filter = "none";
     context.globalAlpha = 1;
   }
-  paintGrid(context);
-  paintCamera(context, now.camera, Math.max(y1 - y0, x1 - x0));
 }
 
 function paintGrid(context) {
@@ -98,7 +109,8 @@ function gridLine(context, ...ends) {
   context.stroke();
 }
 
-function paintCamera(context, camera, reach) {
+function paintCamera(context, { camera, area, said }, current) {
+  const reach = Math.max(area[2] - area[0], area[3] - area[1]);
   const [width, height] = camera.size;
   const [cx, cy] = camera.centre;
   const edge = [];
@@ -127,7 +139,7 @@ function paintCamera(context, camera, reach) {
   context.save();
   context.translate(px, py);
   context.rotate(-ahead);
-  context.fillStyle = colour("accent");
+  context.fillStyle = colour(current ? "accent" : "soft");
   context.strokeStyle = colour("card");
   context.lineWidth = 1.5;
   context.beginPath();
@@ -139,6 +151,7 @@ function paintCamera(context, camera, reach) {
   context.stroke();
   context.fill();
   context.restore();
+  if (world.data.site) label(context, said.camera, px + 12, py + 6);
 }
 
 function paintHeat(context, now) {
@@ -267,7 +280,7 @@ function paintScale(context) {
 
 export function trackOnPlan(now, px, py) {
   let [found, least] = [null, NEAR_PX];
-  for (const one of now.there()) {
+  for (const one of together(now).flatMap((other) => other.there())) {
     const [x, y] = onPlan(...one.xy);
     const away = Math.hypot(x - px, y - py);
     if (away < least) [found, least] = [one, away];

@@ -13,9 +13,12 @@ export function startSearch() {
   });
 }
 
-const spanned = (event, words) => ({
-  ...event, words, begin: 1000 * event.begin_s, end: 1000 * event.end_s,
-});
+// An event on the page's clock; in a site its roles are identities.
+function spanned(event, words) {
+  const shift = (world.runs.find((one) => one.said.run === event.run) || { said: { shift_s: 0 } }).said.shift_s;
+  const [begin, end] = [event.site_begin_s ?? event.begin_s + shift, event.site_end_s ?? event.end_s + shift];
+  return { ...event, words, roles: event.identities || event.roles, begin: 1000 * begin, end: 1000 * end };
+}
 
 // The events of the run that is shown, in order of time, and the lists of all searches.
 function gather() {

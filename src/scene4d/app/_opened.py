@@ -1,0 +1,117 @@
+"""What a page is of: scenes, each camera on a ground of its own, or a site with one for all."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from scene4d.core.calibration import Calibration
+from scene4d.core.errors import InputError
+from scene4d.core.ground_regions import GroundRegion
+from scene4d.core.tracks import Tracks
+from scene4d.searching import opened as open_places
+from scene4d.store.query import Scene
+from scene4d.store.runs import Run
+from scene4d.store.site import Site
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A run as the page shows it: what the camera is called, its calibration in the page's frame,
+    what to add to the clip's time for the page's clock, and when that was 0 (ns since 1970).
+    """
+
+    run: Run
+    camera: str
+    calibration: Calibration
+    shift_s: float = 0.0
+    start_ns: int | None = None
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """First and last time of a row on the page's clock."""
+        begin_s, end_s = self.run.span_s or (0.0, 0.0)
+        return begin_s + self.shift_s, end_s + self.shift_s
+
+
+class Opened:
+    """The runs of scenes, or of a site. Raises :class:`InputError` as they do, and where nobody was
+    tracked.
+    """
+
+    def __init__(self, folders: Sequence[Path]) -> None:
+        self.whole = open_places(*folders)
+        site = self.whole if isinstance(self.whole, Site) else None
+        self.site = site
+        self.shown = _of_site(site) if site else _of_scene(self._scene)
+        if not self.shown:
+            raise InputError("nobody was tracked, so there is nothing to show")
+
+    @property
+    def _scene(self) -> Scene:
+        assert isinstance(self.whole, Scene)
+        return self.whole
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """Their names on the page."""
+        return tuple(dict.fromkeys(one.camera for one in self.shown))
+
+    @property
+    def rows(self) -> int:
+        """How many rows all runs have."""
+        return sum(one.run.rows for one in self.shown)
+
+    def tracks(self, one: Shown, since_s: float | None = None) -> Tracks:
+        """Rows of a run in the page's frame and on its clock, from ``since_s`` on."""
+        if self.site is None:
+            scene = self._scene.only(one.run.run)
+            return scene.tracks(keypoints=False, begin=since_s)
+        begin_s, end_s = one.span_s
+        begin_s = begin_s if since_s is None else max(begin_s, since_s)
+        return self.site.camera_tracks(one.camera, keypoints=False, begin=begin_s, end=end_s + 1e-6)
+
+    @property
+    def unplaced(self) -> dict[str, str]:
+        """Cameras of a site whose place is not known, and why."""
+        placements = {} if self.site is None else self.site.placements
+        return {name: str(one.reason) for name, one in placements.items() if not one}
+
+
+def _of_scene(scene: Scene) -> list[Shown]:
+    known = {name: Calibration.load(scene.camera_file(name)) for name in scene.cameras}
+    return [
+        Shown(
+            run,
+            run.camera,
+            known[run.camera],
+            start_ns=run.start_ns if run.start_known else None,
+        )
+        for run in scene.runs
+        if run.rows
+    ]
+
+
+def _of_site(site: Site) -> list[Shown]:
+    start = site.start
+    start_ns = None if start is None else round(start.timestamp() * 1e6) * 1000
+    return [
+        Shown(run, name, _in_site(site, name), shift_s, start_ns)
+        for name in site.cameras
+        for run, shift_s in site.runs(name)
+        if run.rows
+    ]
+
+
+def _in_site(site: Site, name: str) -> Calibration:
+    """A calibration whose camera stands in the site's frame, in metres of the site."""
+    known, scale = site.calibration(name), site.placements[name].scale
+    regions = [
+        GroundRegion(one.polygon_uv, one.height_m * scale, one.sigma_m * scale)
+        for one in known.ground_regions
+    ]
+    return replace(
+        known,
+        camera=site.camera(name),
+        person_height_m=known.person_height_m * scale,
+        ground_regions=tuple(regions),
+    )
