@@ -19,7 +19,8 @@ NAMES = {
     "disappears", "inside", "crosses", "facing", "arm_moving_down", "arm_moving_up", "same_place",
     "u_turning", "appears_from", "disappears_into", "stooping", "crowded",
     "together", "between", "alone", "staying",
-    "longer_than", "taller_than", "at_entrance",
+    "longer_than", "taller_than", "at_entrance", "beside",
+    "arrived", "departs",
 }  # fmt: skip
 UNITS = {"m", "s", "m/s", "rad", "", "zone", "line", "side"}
 GIVEN = {"zone": "yard", "line": "gate"}

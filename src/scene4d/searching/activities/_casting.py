@@ -165,7 +165,7 @@ def _reach_m(term: Term, predicates: Mapping[str, Predicate]) -> float | None:
         for name in ("tau_m", "sigma_m")
         if name in predicate.parameters
     )
-    return max(tau_m + BOUND_SIGMA * sum(sigma_m), 0.1)
+    return max(predicate.outline_m + tau_m + BOUND_SIGMA * sum(sigma_m), 0.1)
 
 
 def _next_link(

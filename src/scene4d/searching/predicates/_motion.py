@@ -16,6 +16,11 @@ _STAYING_SIGMA_M = 1.0
 _STAYING_S = 60.0
 """Who gets no further in a minute stays about a place, however much he paces; chosen by hand."""
 
+_PLACE_M, _PLACE_SIGMA_M = 3.0, 1.0
+"""Who is further away is elsewhere: more than half of a car's length; chosen by hand."""
+_SOON_S = 60.0
+"""How long a vehicle waits for somebody to get in or out, at most; chosen by hand."""
+
 
 def speed(
     velocity_mps: Float[np.ndarray, "m 2"], covariance: Float[np.ndarray, "m 2 2"]
@@ -85,5 +90,42 @@ def staying(
     early, late = a.stage.window(a.index, window_s / 2)
     way = Separation.between(a.stage.rows(early), a.stage.rows(late))
     return near_probability(
+        way.distance_m, tau_m=radius_m, sigma_m=sigma_m, distance_sigma_m=way.distance_sigma_m
+    )
+
+
+def arrived(
+    a: StageRows,
+    *,
+    radius_m: float = _PLACE_M,
+    window_s: float = _SOON_S,
+    sigma_m: float = _PLACE_SIGMA_M,
+) -> Float[np.ndarray, "m"]:
+    """P(a was elsewhere, further than ``radius_m`` from here, ``window_s`` seconds ago), or where
+    its track begins if that is later: it has come here. As :func:`staying`.
+    """
+    early, _ = a.stage.window(a.index, window_s)
+    return _elsewhere(a, a.stage.rows(early), radius_m, sigma_m)
+
+
+def departs(
+    a: StageRows,
+    *,
+    radius_m: float = _PLACE_M,
+    window_s: float = _SOON_S,
+    sigma_m: float = _PLACE_SIGMA_M,
+) -> Float[np.ndarray, "m"]:
+    """P(a will be elsewhere, further than ``radius_m`` from here, in ``window_s`` seconds), or
+    where its track ends if that is earlier: :func:`arrived` with time reversed.
+    """
+    _, late = a.stage.window(a.index, window_s)
+    return _elsewhere(a, a.stage.rows(late), radius_m, sigma_m)
+
+
+def _elsewhere(
+    a: StageRows, then: StageRows, radius_m: float, sigma_m: float
+) -> Float[np.ndarray, "m"]:
+    way = Separation.between(a, then)
+    return 1 - near_probability(
         way.distance_m, tau_m=radius_m, sigma_m=sigma_m, distance_sigma_m=way.distance_sigma_m
     )

@@ -8,11 +8,14 @@ from typing import Any, Literal
 
 import numpy as np
 
+from scene4d.searching.predicates._beside import beside
 from scene4d.searching.predicates._body import arm_moving_down, arm_moving_up
 from scene4d.searching.predicates._crowd import alone, crowded
 from scene4d.searching.predicates._distance import between, far, near, same_place
 from scene4d.searching.predicates._entrances import at_entrance
 from scene4d.searching.predicates._motion import (
+    arrived,
+    departs,
     moving,
     speed_above,
     speed_below,
@@ -67,7 +70,8 @@ class Predicate:
     ``keypoints`` says that it looks at the body's keypoints, and ``sizes`` at lengths and heights,
     which are read from a scene only where a predicate needs them. ``holds`` says where a predicate
     of two roles may hold: "within" the distance ``tau_m`` (± ``sigma_m``), or "beyond" it, or None
-    for any distance. In a ``symmetric`` one the roles may be swapped.
+    for any distance; ``tau_m`` may count from an outline, up to ``outline_m`` from the middle. In a
+    ``symmetric`` one the roles may be swapped.
     """
 
     name: str
@@ -78,6 +82,7 @@ class Predicate:
     sizes: bool = False
     holds: Literal["within", "beyond"] | None = None
     symmetric: bool = False
+    outline_m: float = 0.0
 
 
 _RANGES: dict[str, tuple[str, float, float]] = {
@@ -118,11 +123,14 @@ _ALL = (
     _predicate(near, holds="within", symmetric=True),
     _predicate(far, holds="beyond", symmetric=True),
     _predicate(same_place, holds="within", symmetric=True),
+    _predicate(beside, holds="within", outline_m=8.0, sizes=True),
     _predicate(between),
     _predicate(alone),
     _predicate(moving),
     _predicate(stationary),
     _predicate(staying),
+    _predicate(arrived),
+    _predicate(departs),
     _predicate(speed_above),
     _predicate(speed_below),
     _predicate(moving_towards),

@@ -35,10 +35,10 @@ there; the speed was chosen by hand."""
 _FACING_RAD = np.pi / 4
 _FACING_SIGMA_RAD = np.radians(15.0)
 _SIDE_SIGMA_M = 0.3
-_VEHICLE_LENGTH_M = 4.6
-_VEHICLE_WIDTH_M = 1.85
+VEHICLE_LENGTH_M = 4.6
+VEHICLE_WIDTH_M = 1.85
 """A common car, for vehicles of unknown size; only the difference of the two counts."""
-_AXIS_SIGMA_RAD = np.radians(10.0)
+AXIS_SIGMA_RAD = np.radians(10.0)
 """Of a heading without a spread of its own, as of a vehicle of which only the axis is known; chosen
 by hand."""
 
@@ -167,7 +167,7 @@ def facing(
         return _at_side(way, b, side, sigma_m)
     bearing = np.arctan2(way.unit[:, 1], way.unit[:, 0])
     only_axis = np.isnan(a.heading_sigma_rad)
-    own = np.where(only_axis, _AXIS_SIGMA_RAD, a.heading_sigma_rad)
+    own = np.where(only_axis, AXIS_SIGMA_RAD, a.heading_sigma_rad)
     sigma = np.sqrt(own**2 + way.direction_sigma_rad**2 + sigma_rad**2)
     off = wrapped(a.heading_rad - bearing)
     ahead = angle_between(off, sigma, -angle_rad, angle_rad)
@@ -177,7 +177,7 @@ def facing(
 
 def _at_side(way: Separation, b: StageRows, side: str, sigma_m: float) -> np.ndarray:
     only_axis = np.isnan(b.heading_sigma_rad)
-    own = np.where(only_axis, _AXIS_SIGMA_RAD, b.heading_sigma_rad)
+    own = np.where(only_axis, AXIS_SIGMA_RAD, b.heading_sigma_rad)
     forwards = np.stack([np.cos(b.heading_rad), np.sin(b.heading_rad)], axis=1)
     place = -way.vector_m
     apex, apex_sigma = _faces_meet(b)
@@ -215,5 +215,5 @@ def _faces_meet(b: StageRows) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray,
     (length, width), (by_length, by_width) = b.size_m[:, :2].T, b.size_sigma_m[:, :2].T
     apex, sigma = (length - width) / 2, np.hypot(by_length, by_width) / 2
     known = np.isfinite(apex + sigma)
-    common = (_VEHICLE_LENGTH_M - _VEHICLE_WIDTH_M) / 2
+    common = (VEHICLE_LENGTH_M - VEHICLE_WIDTH_M) / 2
     return np.where(known, apex, common), np.where(known, sigma, 0.0)
