@@ -10,6 +10,7 @@ from strategies import build_camera, build_lens
 
 LENS = build_lens((1280, 720), 60.0)
 CAMERA = build_camera(LENS, 25.0, 0.0, 5.0)
+AHEAD, ASIDE = np.array([0.0, 10.0]), np.array([60.0, 0.0])
 OTHER = build_camera(LENS, 30.0, 0.0, 4.0, 150.0, (4.0, 20.0))
 
 
@@ -34,7 +35,7 @@ def test_what_a_camera_sees_is_what_it_locates():
 
 def test_the_plan_shows_cameras_ellipses_and_ways_by_number():
     rng = np.random.default_rng(0)
-    ways = [Way(k, np.cumsum(rng.normal(0, 0.4, (40, 2)), axis=0) + [0, 10], k) for k in (1, 2)]
+    ways = [Way(k, np.cumsum(rng.normal(0, 0.4, (40, 2)), axis=0) + AHEAD, k) for k in (1, 2)]
     cameras = {"west": CAMERA, "east": OTHER}
     plain = draw_site_map(cameras, {}, ways)
     sure = draw_site_map(cameras, {"east": 0.5 * np.eye(2)}, ways, true={"east": OTHER})
@@ -51,11 +52,11 @@ def test_the_plan_shows_cameras_ellipses_and_ways_by_number():
 @pytest.mark.parametrize("image", [None, np.full((720, 1280, 3), 90, np.uint8)])
 def test_points_of_the_other_view_lie_where_it_puts_them(image):
     own = np.array([[300.0, 400.0], [900.0, 500.0], [np.nan, 1.0]])
-    matched = Matched(own, own + [60.0, 0.0])
+    matched = Matched(own, own + ASIDE)
     png = draw_other_view(image, (1280, 720), matched, ("west", "east")).png
     drawn = pixels(png)
     scale = drawn.shape[1] / 1280
-    for uv, colour in ((own[:2], "#3A8DFF"), (own[:2] + [60, 0], "#FFC845")):
+    for uv, colour in ((own[:2], "#3A8DFF"), (own[:2] + ASIDE, "#FFC845")):
         for u, v in uv * scale:
             near = drawn[int(v) - 5 : int(v) + 6, int(u) - 5 : int(u) + 6]
             assert has(near, colour) > 5

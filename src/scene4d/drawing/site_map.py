@@ -82,13 +82,11 @@ def field_of_view(camera: Camera, reach_m: float) -> Float[np.ndarray, "n 2"]:
         rows = np.flatnonzero(seen)
         if len(rows):
             near.append(xy[column, rows[0]])
-            far.append(_farthest(xy[column], valid[column], rows[-1], camera, reach_m))
+            far.append(_farthest(xy[column], int(rows[-1]), camera, reach_m))
     return np.array([*near, *far[::-1]]) if near else np.empty((0, 2))
 
 
-def _farthest(
-    xy: np.ndarray, valid: np.ndarray, last: int, camera: Camera, reach_m: float
-) -> np.ndarray:
+def _farthest(xy: np.ndarray, last: int, camera: Camera, reach_m: float) -> np.ndarray:
     """The end of a column: where the picture ends, or at the distance that is drawn."""
     if last == len(xy) - 1:
         return np.asarray(xy[last])
