@@ -143,7 +143,7 @@ def test_fisheye_models_of_colmap(tmp_path, line, distortion):
 def test_every_writable_format_is_in_the_round_trip():
     assert set(WRITABLE) == set(FILE_NAMES)
     read_only = {f.name for f in camera_formats() if not f.write}
-    assert read_only == {"kitti", "openlabel", "tsai", "towncentre"}
+    assert read_only == {"is-msgs", "kitti", "openlabel", "tsai", "towncentre"}
 
 
 @pytest.fixture

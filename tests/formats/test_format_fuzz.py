@@ -60,6 +60,23 @@ CAMERAS = {
             }
         }
     ),
+    "is-msgs": json.dumps(
+        {
+            "resolution": {"width": 640, "height": 480},
+            "intrinsic": {
+                "shape": {"dims": [{"size": 3}, {"size": 3}]},
+                "doubles": [600, 0, 319.5, 0, 600, 239.5, 0, 0, 1],
+            },
+            "extrinsic": [
+                {
+                    "tf": {
+                        "shape": {"dims": [{"size": 4}, {"size": 4}]},
+                        "doubles": [1, 0, 0, 0, 0, 0, -1, 5, 0, 1, 0, 0, 0, 0, 0, 1],
+                    }
+                }
+            ],
+        }
+    ),
     "json": json.dumps(
         {
             "schema": "scene4d/camera/1",

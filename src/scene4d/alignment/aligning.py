@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from scene4d.alignment._anchors import Anchored, tied
 from scene4d.alignment._graph import Solution, solve
 from scene4d.alignment._identity import identified, passages_of
 from scene4d.alignment._joint import refined
@@ -21,10 +22,11 @@ from scene4d.core.camera import Camera
 from scene4d.core.placement import Placement
 from scene4d.core.progress import Progress, Silent, timed
 from scene4d.core.tracks import Tracks
+from scene4d.formats.anchors import Anchors, read_anchors
 from scene4d.store.identities import Identities
 from scene4d.store.regrounding import regrounded
 from scene4d.store.site import Site, in_site
-from scene4d.store.site_file import SiteCamera, SiteFile
+from scene4d.store.site_file import SiteAnchor, SiteCamera, SiteFile
 from scene4d.store.site_writing import refined_path, write_site
 
 _DRIFT_TOLD_S = 0.1
@@ -128,6 +130,7 @@ def align(
     timings: dict[str, float] = {}
     cameras, warnings = watched(scenes)
     start_ns = site_start_ns(cameras)
+    anchors = None if options.anchor is None else read_anchors(options.anchor)
     with timed(timings, "read"), progress.stage("Reading tracks", len(cameras)) as step:
         read = []
         for one in cameras:
@@ -138,10 +141,11 @@ def align(
     with timed(timings, "site"):
         solution = _solved(read, links)
         found = _placed(read, solution, links)
+        found, anchor = (found, None) if anchors is None else _anchored(found, anchors)
         warnings += _about(read, solution)
     with timed(timings, "identities"), progress.stage("Recognising people", None):
         identities = _identities(found)
-    said = SiteFile({one.name: _entry(one, Path(out)) for one in found}, start_ns)
+    said = SiteFile({one.name: _entry(one, Path(out)) for one in found}, start_ns, anchor)
     better = {one.name: one.refined for one in found if one.refined is not None}
     with timed(timings, "pictures"):
         pictures = _pictures(found, identities, progress) if options.pictures else {}
@@ -214,6 +218,23 @@ def _placed(
             at = _at_middle(one.view, better.placement, drift)
             found.append(_Placed(one, at, better.calibration))
     return found
+
+
+def _anchored(cameras: Sequence[_Placed], anchors: Anchors) -> tuple[list[_Placed], SiteAnchor]:
+    """The cameras in the frame of the anchors."""
+    found, anchor = tied(
+        {
+            one.name: Anchored(
+                one.refined or one.read.calibration,
+                one.placement,
+                one.read.tracks,
+                one.read.watched.start_known,
+            )
+            for one in cameras
+        },
+        anchors,
+    )
+    return [replace(one, placement=found[one.name]) for one in cameras], anchor
 
 
 def _at_middle(view: View, placement: Placement, drift: float) -> Placement:

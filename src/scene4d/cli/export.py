@@ -33,8 +33,9 @@ def export(
     what: Annotated[
         Path,
         typer.Argument(
-            metavar="CAMERA|SCENE",
-            help="camera.json, a camera file in another known format, or the folder of a scene.",
+            metavar="CAMERA|SCENE|SITE",
+            help="camera.json, a camera file in another known format, or the folder of a scene or "
+            "a site.",
         ),
     ],
     *,
@@ -77,7 +78,7 @@ def export(
         ),
     ] = None,
 ) -> Answer:
-    """Write a camera or a scene in the format of another program.
+    """Write a camera, a scene or a site in the format of another program.
 
     [bold]Examples[/bold]
 
@@ -87,15 +88,19 @@ def export(
       scene4d export scene --to csv --out tracks.csv
       scene4d export scene --to geojson --out tracks.geojson \\
           --anchor 420,510,53.4401,-0.9432 --anchor 130,390,53.4405,-0.9429
+      scene4d export site --to geojson --out people.geojson
 
     ROS camera_info holds only the lens. DeepStream and the bare 3x4 matrix hold no distortion: use
     them with undistorted images. Fisheye cameras can be written as json, opencv-yaml, opencv-xml,
     colmap and ros.
     """
     from scene4d.cli.exporting import is_scene
+    from scene4d.store.site_file import is_site
 
     if not what.exists():
         raise InputError(f"{what}: is not there; give a camera file or the folder of a scene")
+    if is_site(what):
+        return _export_site(what, to, out)
     if is_scene(what):
         return _export_scene(what, to, out, run, anchor or [])
     return _export_camera(what, to, out, from_format, image_size)
@@ -127,6 +132,18 @@ def _export_scene(scene: Path, to: str, out: Path, run: str | None, anchor: list
     points = [_parse_anchor(text) for text in anchor]
     files = export_scene(scene, out, to, run=run, anchor=points)
     return _written(to, known[to], files)
+
+
+def _export_site(site: Path, to: str, out: Path) -> Answer:
+    from scene4d.cli.exporting import export_site
+    from scene4d.formats.scenes import scene_formats
+
+    known = {f.name: f.description for f in scene_formats()}
+    if to not in known:
+        raise typer.BadParameter(
+            f"{to!r} is no format of sites; known: {', '.join(known)}", param_hint="--to"
+        )
+    return _written(to, known[to], export_site(site, out, to))
 
 
 def _export_camera(

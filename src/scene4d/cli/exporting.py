@@ -14,6 +14,7 @@ from scene4d.core.errors import InputError
 if TYPE_CHECKING:
     from scene4d.formats.scenes import GeoAnchor, SceneTable
     from scene4d.store.query import Scene
+    from scene4d.store.site import Site
 
 
 _STRETCH_S = 600.0
@@ -55,6 +56,47 @@ def export_scene(
     if not len(chosen):
         raise InputError(f"{scene}: run {chosen.runs[0].run!r} is empty: nobody was tracked")
     return write_scene(_pieces(chosen, anchor), out, to)
+
+
+OF_THE_GROUND = ("csv", "geojson", "moving-features")
+"""Formats that a site can be written in: the others hold boxes, which belong to one picture."""
+
+
+def export_site(site: str | Path, out: str | Path, to: str) -> tuple[Path, ...]:
+    """Write everybody in a site, by identity, in a format of :data:`OF_THE_GROUND`.
+
+    Raises :class:`InputError` for another format, for longitudes and latitudes of a site that is
+    not anchored to the Earth, and as :func:`.write_scene`.
+    """
+    from scene4d.formats.scenes import write_scene
+    from scene4d.store.site import Site
+
+    opened = Site.open(site)
+    if to not in OF_THE_GROUND:
+        raise InputError(
+            f"{to} holds boxes in the picture of one camera; a site can be written as "
+            f"{', '.join(OF_THE_GROUND)}"
+        )
+    earth = opened.anchor is not None and opened.anchor.kind == "earth"
+    if to == "geojson" and not earth:
+        raise InputError(
+            f"{site}: where the site lies on the Earth is not known; align it again with an anchor "
+            "of points with longitude and latitude, or export moving-features, which takes metres"
+        )
+    return write_scene(_site_pieces(opened), out, to)
+
+
+def _site_pieces(site: "Site") -> "Iterator[SceneTable]":
+    """The site's fused tracks in stretches of time."""
+    from scene4d.formats.scenes import GeoAnchor, SceneTable
+
+    anchor, geo = site.anchor, None
+    if anchor is not None and anchor.latitude_deg is not None and anchor.longitude_deg is not None:
+        geo = GeoAnchor.at(anchor.latitude_deg, anchor.longitude_deg)
+    size = site.calibration(site.cameras[0]).image_size if site.cameras else (1, 1)
+    for tracks in site.stretches(_STRETCH_S):
+        name = site.folder.resolve().name
+        yield SceneTable(tracks, camera=name, image_size=size, start_utc=site.start, geo=geo)
 
 
 def is_scene(path: Path) -> bool:

@@ -26,7 +26,8 @@ from scene4d.searching.result import FoundEvent, SearchResult
 from scene4d.searching.stages import STEP_S, kept_moments, stage_of, thinned
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
-from scene4d.store.site import Site, is_site
+from scene4d.store.site import Site
+from scene4d.store.site_file import is_site
 
 _Place = str | os.PathLike[str] | Scene | Site
 _AROUND_S = 4.0

@@ -32,7 +32,6 @@ from scene4d.store.runs import Run, camera_identity
 from scene4d.store.schema import with_keypoints
 from scene4d.store.site_file import (
     IDENTITIES_FILE,
-    SITE_FILE,
     SiteAnchor,
     SiteCamera,
     SiteFile,
@@ -45,11 +44,6 @@ a second and more have a row for each."""
 _NS = 1e9
 _MOST_SHOWN = 4000
 """Positions in a notebook's plan."""
-
-
-def is_site(path: str | os.PathLike[str]) -> bool:
-    """Whether this is the folder of a site."""
-    return (Path(path) / SITE_FILE).is_file()
 
 
 class Site:

@@ -30,6 +30,11 @@ _KINDS = ("earth", "plan", "cameras")
 _FIELDS = ("x_m", "y_m", "heading_deg", "scale", "time_offset_s")
 
 
+def is_site(path: str | os.PathLike[str]) -> bool:
+    """Whether this is the folder of a site."""
+    return (Path(path) / SITE_FILE).is_file()
+
+
 @dataclass(frozen=True)
 class SiteAnchor:
     """What the site's frame is tied to.

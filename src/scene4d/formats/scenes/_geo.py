@@ -60,9 +60,7 @@ class GeoAnchor:
         and degrees out of range, and :class:`UnavailableError` without pyproj.
         """
         _check_points(xy_m, lat_deg, lon_deg)
-        turn = (lon_deg - lon_deg[0] + 180.0) % 360.0 - 180.0  # the mean holds at 180° too
-        centre = float(lat_deg.mean()), _wrapped(float(lon_deg[0] + turn.mean()))
-        earth = np.column_stack(_projection(*centre)(lon_deg, lat_deg))
+        earth, centre = earth_metres(lat_deg, lon_deg)
         _check_spread("in the scene", xy_m)
         _check_spread("by their latitude and longitude", earth)
         R, shift = rigid_fit(xy_m, earth)
@@ -81,6 +79,11 @@ class GeoAnchor:
             scale=scale,
             residual_m=tuple(residual.tolist()),
         )
+
+    @classmethod
+    def at(cls, latitude_deg: float, longitude_deg: float) -> "GeoAnchor":
+        """The anchor of a frame whose +X is east and +Y north of this point."""
+        return cls(latitude_deg, longitude_deg, 0.0, 0.0, 0.0, 1.0, ())
 
     def to_lonlat(self, xy_m: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
         """Longitude and latitude (n, 2) in degrees of ground points; NaN stays NaN.
@@ -103,6 +106,17 @@ class GeoAnchor:
         """
         azimuth: np.ndarray = np.mod(90.0 - np.degrees(heading_rad + self.rotation_rad), 360.0)
         return azimuth
+
+
+def earth_metres(
+    lat_deg: Float[np.ndarray, "n"], lon_deg: Float[np.ndarray, "n"]
+) -> tuple[Float[np.ndarray, "n 2"], tuple[float, float]]:
+    """Metres east and north of the middle of some points of the Earth, and its latitude and
+    longitude. Raises :class:`UnavailableError` without pyproj.
+    """
+    turn = (lon_deg - lon_deg[0] + 180.0) % 360.0 - 180.0  # the mean holds at 180° too
+    centre = float(lat_deg.mean()), _wrapped(float(lon_deg[0] + turn.mean()))
+    return np.column_stack(_projection(*centre)(lon_deg, lat_deg)), centre
 
 
 def _projection(latitude_deg: float, longitude_deg: float) -> Any:
