@@ -24,6 +24,7 @@ from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
 from scene4d.searching.language import Query, parse_query
 from scene4d.searching.predicates._registry import PREDICATES
+from scene4d.searching.predicates._when import When, Window
 
 ZONES, LINES = ("entrance", "car park", "road"), ("gate", "stop line")
 RIGHT, REFUSED, WRONG = "right", "refused", "wrong"
@@ -31,6 +32,8 @@ HELD_OUT = 3
 """Every third phrasing is held out."""
 _LEAST_TIMED_S = 1.0
 """A state of which nobody said how long it lasts may be asked for this long."""
+_WHEN = {"yesterday": When(day=-1), "today": When(day=0)}
+"""Of another one: what the file calls it."""
 _NAMED = ("zone", "line", "side", "lag_s", "count")
 """Parameters that nobody assumes: they are as expected, or not there."""
 _NOUNS = {
@@ -88,7 +91,8 @@ def _lines(query: Query) -> str:
         f"{' & '.join(_term_text(t) for t in p.terms)} {p.min_s:g}..{p.max_s:g} <={p.gap_s:g}"
         for p in phases
     ]
-    return " ; ".join(said)
+    spots = [f"where {spot.name!r}: {spot.when}" for spot in query.activity.spots]
+    return " ; ".join([*said, *spots])
 
 
 def _term_text(term: Term) -> str:
@@ -104,12 +108,41 @@ def _is(query: Query, expected: str) -> bool:
     expected, _, window = expected.partition("[")
     if str(query.window or "").replace(" to ", "-") != window.strip("] "):
         return False
+    expected, _, spot = expected.partition(" where ")
+    if len(query.activity.spots) != bool(spot) or (spot and not _is_spot(query, spot)):
+        return False
+    return _is_activity(query.activity, expected)
+
+
+def _is_spot(query: Query, expected: str) -> bool:
+    """Whether the one spot of a search is as expected: what another one did, and when."""
+    (spot,) = query.activity.spots
+    did, _, said = expected.partition("@ ")
+    return spot.when == _when(said.strip()) and _is_activity(spot.activity, did.strip())
+
+
+def _when(said: str) -> When:
+    said, _, clock = said.partition("(")
+    hours = [3600 * int(h) + 60 * int(m) for h, m in re.findall(r"(\d+):(\d+)", clock)]
+    window = Window(*map(float, hours)) if hours else None
+    said = said.strip()
+    if said in ("earlier", "later"):
+        return When(later=said == "later", is_over=True)
+    if said in _WHEN:
+        return replace(_WHEN[said], clock=window)
+    if said.startswith("day"):
+        return When(day=int(said[3:]))
+    low, _, high = said.partition("..")
+    return When(float(low or 0), float(high or math.inf), clock=window)
+
+
+def _is_activity(activity: Activity, expected: str) -> bool:
+    """Whether phases are as expected, whatever their roles are called."""
     try:
         phases = [phase for part in expected.split(";") for phase in _phases(part)]
     except (InputError, KeyError):
         return False  # an activity or predicate that does not exist yet
     names = list(dict.fromkeys(r for p in phases for t, _ in p.terms for r in t.roles))
-    activity = query.activity
     if len(names) != len(activity.roles) or len(phases) != len(activity.phases):
         return False
     for roles in permutations(activity.roles):

@@ -14,6 +14,7 @@ from scene4d.core.tracks import Tracks
 from scene4d.searching._across import answer_site
 from scene4d.searching._asking import Asked, SearchOptions, reaches, second_of_day, understand
 from scene4d.searching._places import Places
+from scene4d.searching._spots import Memory
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._terms import places_of
 from scene4d.searching.activities.course import course_of
@@ -81,18 +82,64 @@ def answer(asked: Asked, progress: Progress) -> SearchResult:
         return answer_site(asked, answer, progress)
     result = SearchResult(asked)
     runs = _runs(asked)
+    reader = _Reader(result)
+    result.memory = _memory(asked, runs, reader, progress)
     with progress.stage("Searching", len(runs)) as step:
-        calibrations = {
-            camera: Calibration.load(asked.scene.camera_file(camera))
-            for camera in {run.camera for run in runs}
-        }
         for run in runs:
-            with timed(result.timings, "load"):
-                stage = staged_run(asked, run, calibrations[run.camera])
+            stage = reader(run)
             with timed(result.timings, "search"):
                 _search_run(result, stage, run)
             step(1)
     return result
+
+
+class _Reader:
+    """Reads runs as stages; the last one is kept, in case that the same is asked for again."""
+
+    def __init__(self, result: SearchResult) -> None:
+        self._result = result
+        self._calibrations: dict[str, Calibration] = {}
+        self._last: tuple[Run, Stage] | None = None
+
+    def __call__(self, run: Run) -> Stage:
+        """The stage of a run."""
+        if self._last is None or self._last[0] is not run:
+            self._last = None  # before the next one is read
+            asked = self._result.asked
+            if run.camera not in self._calibrations:
+                known = Calibration.load(asked.scene.camera_file(run.camera))
+                self._calibrations[run.camera] = known
+            with timed(self._result.timings, "load"):
+                stage = staged_run(asked, run, self._calibrations[run.camera])
+            self._last = run, stage
+        memory = self._result.memory
+        return self._last[1] if memory is None else memory.seen_from(self._last[1], run)
+
+
+def _memory(
+    asked: Asked, runs: Sequence[Run], reader: _Reader, progress: Progress
+) -> Memory | None:
+    """Where others were whom the words speak of; None where they do not."""
+    if not asked.query.activity.spots:
+        return None
+    cameras, names = {run.camera for run in runs}, {run.run for run in runs}
+    known = any(run.start_known for run in runs)
+    there = [
+        run
+        for run in asked.scene.runs
+        if run.rows and run.camera in cameras and (run.run in names or (known and run.start_known))
+    ]
+    return Memory(asked.query.activity, there, reader, progress)
+
+
+def explained(result: SearchResult) -> None:
+    """Give each event that is shown its predicates over time; the runs of these are read again."""
+    asked, reader = result.asked, _Reader(result)
+    shown = [n for n, found in enumerate(result.shown) if found.course is None]
+    for number in sorted(shown, key=lambda n: result.events[n].run.run):
+        found = result.events[number]
+        course = course_of(reader(found.run), asked.query.activity, found.event)
+        result.events[number] = replace(found, course=course)
 
 
 def _runs(asked: Asked) -> list[Run]:
@@ -141,7 +188,9 @@ def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Stage:
     annotations, where one object may have several, are united.
     """
     alone = asked.scene.only(run.run)
-    used = [PREDICATES[term.predicate] for term in asked.query.activity.terms]
+    activity = asked.query.activity
+    terms = [*activity.terms, *(term for spot in activity.spots for term in spot.activity.terms)]
+    used = [PREDICATES[term.predicate] for term in terms]
     if any(one.keypoints for one in used):
         tracks, step_s = thinned(alone.tracks(), STEP_S)
     else:
@@ -189,14 +238,12 @@ def _search_run(result: SearchResult, stage: Stage, run: Run) -> None:
         result.candidates += judged.casts
     for number, event in enumerate(events):
         begin, end = stage.frame_at(event.begin_s), stage.frame_at(event.end_s)
-        around = course = None
-        if number < asked.options.top:
-            around = _around(stage.tracks, event)
-            course = course_of(stage, asked.query.activity, event)
-        result.events.append(FoundEvent(event, run, begin, end, around, course))
+        around = _around(stage.tracks, event) if number < asked.options.top else None
+        spots = () if result.memory is None else tuple(result.memory.found(stage, event))
+        result.events.append(FoundEvent(event, run, begin, end, around, spots=spots))
     result.events.sort(key=_rank)
     top = asked.options.top
-    result.events[top:] = [replace(one, around=None, course=None) for one in result.events[top:]]
+    result.events[top:] = [replace(one, around=None) for one in result.events[top:]]
 
 
 def _in_window(window: Window | None, run: Run, events: Iterable[Event]) -> list[Event]:

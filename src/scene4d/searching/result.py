@@ -16,6 +16,7 @@ from scene4d.core.progress import Progress, Silent
 from scene4d.core.tables import data_frame
 from scene4d.core.tracks import Tracks
 from scene4d.searching._asking import Asked, reaches
+from scene4d.searching._spots import FoundSpot, Memory
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities.course import Course
 from scene4d.store.runs import Run
@@ -38,9 +39,11 @@ _REFUSED_BY_SCORER = re.compile(r"[^A-Za-z0-9_\-.]")
 class FoundEvent:
     """An event, the run that it is in, and its first and last frame.
 
-    ``around`` are the rows of all tracks at about that time, at the search rate, and ``course``
-    holds its predicates over time; None for events that are not shown. ``across`` is what a site
-    adds: who each role is in it, the cameras that saw the event, and its time on the site's clock.
+    ``around`` are the rows of all tracks at about that time, at the search rate, None for events
+    that are not shown. ``course`` holds its predicates over time, once they were asked for
+    (:meth:`SearchResult.explain`). ``spots`` are where others were whom the search speaks of.
+    ``across`` is what a site adds: who each role is in it, the cameras that saw the event, and its
+    time on the site's clock.
     """
 
     event: Event
@@ -50,6 +53,7 @@ class FoundEvent:
     around: Tracks | None = None
     course: Course | None = None
     across: Mapping[str, Any] | None = None
+    spots: tuple[FoundSpot, ...] = ()
 
     @property
     def clip(self) -> str:
@@ -65,9 +69,9 @@ class FoundEvent:
 
     @property
     def notes(self) -> list[str]:
-        """What its probability is of, or why there is none."""
+        """What its probability is of, or why there is none; and who was at its spots, and when."""
         known = self.event.calibration
-        return [_NOT_CALIBRATED if known is None else known.note]
+        return [_NOT_CALIBRATED if known is None else known.note, *map(_spot_note, self.spots)]
 
     def to_dict(self) -> dict[str, Any]:
         """The event as in ``--json``, ``events.json`` and the page: times of day in ISO 8601 (UTC),
@@ -91,19 +95,19 @@ class FoundEvent:
             "roles": dict(event.roles),
             "why": {key: None if math.isnan(p) else p for key, p in event.why.items()},
             "notes": self.notes,
+            "spots": [_spot_dict(spot) for spot in self.spots],
             **(self.across or {}),
         }
 
     def _moment(self, time_s: float) -> datetime | None:
-        if not self.run.start_known:
-            return None
-        return _EPOCH + timedelta(microseconds=round(self.run.moment_ns(time_s) / 1000))
+        return _moment(self.run, time_s)
 
 
 @dataclass
 class SearchResult:
     """The query and its events, best first; the runs searched, their rows, and how many casts
-    (such as pairs of a person and a vehicle) were evaluated if no event was found.
+    (such as pairs of a person and a vehicle) were evaluated if no event was found. ``memory`` is
+    where others were whom the search speaks of.
     """
 
     asked: Asked
@@ -112,6 +116,15 @@ class SearchResult:
     rows: int = 0
     candidates: int = 0
     timings: dict[str, float] = field(default_factory=dict)
+    memory: Memory | None = None
+
+    def explain(self) -> None:
+        """Look up the predicates over time (:attr:`FoundEvent.course`) of the events shown; reads
+        their runs again. Raises as :func:`search`.
+        """
+        from scene4d.searching._entry import explained
+
+        explained(self)
 
     @property
     def shown(self) -> list[FoundEvent]:
@@ -121,7 +134,7 @@ class SearchResult:
     @property
     def about_scores(self) -> list[str]:
         """What is to be said of the probabilities of the best events, once."""
-        return list(dict.fromkeys(note for found in self.shown for note in found.notes))
+        return list(dict.fromkeys(found.notes[0] for found in self.shown))
 
     @property
     def verdict(self) -> str:
@@ -290,6 +303,45 @@ def actev_files(runs: list[Run]) -> dict[str, str]:
         run: _REFUSED_BY_SCORER.sub("_", run) if count[name] > 1 else name
         for run, name in names.items()
     }
+
+
+def _moment(run: Run, time_s: float) -> datetime | None:
+    """The time of day of a moment of a run's clip, UTC; None where its start is not known."""
+    if not run.start_known:
+        return None
+    return _EPOCH + timedelta(microseconds=round(run.moment_ns(time_s) / 1000))
+
+
+def _spot_dict(spot: FoundSpot) -> dict[str, Any]:
+    begin, end = (_moment(spot.run, time_s) for time_s in (spot.begin_s, spot.end_s))
+    return {
+        "spot": spot.name,
+        "role": spot.role,
+        "track": spot.track,
+        "camera": spot.run.camera,
+        "run": spot.run.run,
+        "begin_s": spot.begin_s,
+        "end_s": spot.end_s,
+        "begin_time": None if begin is None else _iso(begin),
+        "end_time": None if end is None else _iso(end),
+        "x_m": spot.xy_m[0],
+        "y_m": spot.xy_m[1],
+        "distance_m": spot.distance_m,
+        "probability": spot.probability,
+    }
+
+
+def _spot_note(spot: FoundSpot) -> str:
+    """Who was at a spot, and when."""
+    begin, end = (_moment(spot.run, time_s) for time_s in (spot.begin_s, spot.end_s))
+    when = f"from {clip_time(spot.begin_s)} to {clip_time(spot.end_s)} in the clip"
+    if begin is not None and end is not None:
+        last = f"{end:%H:%M:%S}" if begin.date() == end.date() else f"{end:%Y-%m-%d %H:%M:%S}"
+        when = f"from {begin:%Y-%m-%d %H:%M:%S} to {last} UTC"
+    return (
+        f"{spot.distance_m:.1f} m from {spot.name!r}: track {spot.track} of camera "
+        f"{spot.run.camera}, run {spot.run.run}, {when}"
+    )
 
 
 def _iso(moment: datetime) -> str:

@@ -26,8 +26,9 @@ class Event:
 
     Seconds count from the clip's start. ``roles`` maps each role to its track; ``why`` each
     predicate, as ``phase: predicate(role, ...)``, to what it contributed: the score is the product
-    of these, a NaN (nothing could be judged: no keypoints, say) counting one half. ``calibration``
-    is that of the activity's scores, where there is one.
+    of these, a NaN (nothing could be judged: no keypoints, say) counting one half. ``state_s`` is
+    from when to when the activity's state lasted, or what it led to; ``calibration`` that of the
+    activity's scores, where there is one.
     """
 
     activity: str
@@ -37,6 +38,7 @@ class Event:
     end_s: float
     roles: Mapping[str, int]
     why: Mapping[str, float]
+    state_s: tuple[float, float] = (0.0, 0.0)
     calibration: ScoreCalibration | None = None
 
     @property
@@ -86,9 +88,21 @@ def found_event(
         end_s,
         {role.name: int(numbers[at]) for role, at in zip(activity.roles, who, strict=True)},
         why,
+        _state_s(activity, aligned, stage.tracks.time_s[base]),
     )
     place = stage.tracks.xy_m[base[aligned.core[-1][1]]]
     return Found(event, int(who[0]), tuple(int(at) for at in who[1:]), place)
+
+
+def _state_s(
+    activity: Activity, aligned: Aligned, time_s: Float[np.ndarray, "m"]
+) -> tuple[float, float]:
+    """From when to when the state of an activity lasted, or what it led to; else all of it."""
+    names = [phase.name for phase in activity.phases]
+    ends = (aligned.begin, aligned.end)
+    if activity.state or activity.after:
+        ends = aligned.whole[names.index(activity.state) if activity.state else -1]
+    return float(time_s[ends[0]]), float(time_s[ends[1]])
 
 
 def _span_s(

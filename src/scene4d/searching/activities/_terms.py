@@ -114,7 +114,7 @@ def arguments(term: Term) -> dict[str, float | str]:
 def places_of(
     terms: Iterable[Term], kind: str, predicates: Mapping[str, Predicate]
 ) -> tuple[str, ...]:
-    """Names of the zones (``kind`` "zone") or lines ("line") that the terms speak of."""
+    """Names of the zones, lines or spots (``kind`` "zone", "line", "spot") of the terms."""
     names = [
         str(term.parameters[key])
         for term in terms
@@ -148,7 +148,7 @@ def _value(what: str, text: str, unit: str) -> float | str:
 
 
 def _check_value(predicate: str, key: str, value: float | str, parameter: Parameter) -> None:
-    named = parameter.unit in ("zone", "line", "side")
+    named = parameter.unit in ("zone", "line", "spot", "side")
     if named != isinstance(value, str):
         kind = f"the name of a {parameter.unit}" if named else f"a number of {parameter.unit}"
         raise InputError(f"{predicate}: {key} must be {kind}, found {value!r}")

@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from scene4d.searching.predicates._when import When
+
 ALLEN = (
     "before", "meets", "overlaps", "starts", "during", "finishes", "equals",
     "after", "met_by", "overlapped_by", "started_by", "contains", "finished_by",
@@ -60,12 +62,23 @@ class Relation:
 
 
 @dataclass(frozen=True)
+class Spot:
+    """Where and when another one was: what the role ``doer`` of an ``activity`` did."""
+
+    name: str
+    activity: "Activity"
+    doer: str
+    when: When
+
+
+@dataclass(frozen=True)
 class Activity:
     """Roles, phases in their order, and what is said of it.
 
     A duration and a place ("stops for 10 s", "meet in zone yard") are said of the phase ``state``,
     or of what is so ``after`` the last phase.
     ``phrases`` are ways to ask for it in words; ``labels`` its names in other people's data (MEVA).
+    ``spots`` are what ``near_spot`` names: where others were at other times.
     """
 
     name: str
@@ -77,6 +90,7 @@ class Activity:
     description: str = ""
     state: str = ""
     after: tuple[Term, ...] = ()
+    spots: tuple[Spot, ...] = ()
 
     @property
     def terms(self) -> tuple[Term, ...]:

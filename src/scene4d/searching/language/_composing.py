@@ -28,6 +28,7 @@ from scene4d.searching.language._sentences import (
     Span,
     options_of,
 )
+from scene4d.searching.language._spotting import with_spots
 
 
 def compose(order: Chain | Choice, discourse: Discourse) -> Piece:
@@ -186,6 +187,7 @@ def _read(clause: Clause, discourse: Discourse) -> Piece:
         said = discourse.said(clause.span)
         what = f'"{said}" does what? Say for example "a person stands for 10 seconds"'
         raise discourse.refuse(clause.span, what)
+    clause = with_spots(clause, discourse, _clause)
     if isinstance(clause.core, Done):
         piece = _done(clause, clause.core, discourse)
     else:

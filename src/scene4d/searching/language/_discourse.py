@@ -1,12 +1,12 @@
 """Who is meant by a noun: somebody new, or somebody named before; and what the reader is told."""
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from scene4d.core.errors import InputError
-from scene4d.searching.activities.definition import Role, Term
+from scene4d.searching.activities.definition import Role, Spot, Term
 from scene4d.searching.language._lexicon import Lexicon
 from scene4d.searching.language._sentences import Noun, Span
 from scene4d.searching.language._words import refuse
@@ -34,8 +34,9 @@ class _Referent:
 @dataclass
 class Discourse:
     """Everybody named so far, in order; their names with the last mentioned last; the last subject;
-    those who were needed and not named (``unsaid``), whom the next noun may name; and notes to the
-    reader. A reading that is only tried works on a copy (:meth:`trying`).
+    those who were needed and not named (``unsaid``), whom the next noun may name; notes to the
+    reader; ``spots``, and of what kind those were who were there (``elsewhere``). A
+    reading that is only tried works on a copy (:meth:`trying`).
     """
 
     text: str
@@ -45,6 +46,8 @@ class Discourse:
     subject: tuple[str, ...] = ()
     unsaid: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    spots: tuple[Spot, ...] = ()
+    elsewhere: Mapping[str, str] = field(default_factory=dict)
 
     def said(self, span: Span) -> str:
         """The words of the search at these characters."""
@@ -101,6 +104,12 @@ class Discourse:
         self.mention(name)
         return name
 
+    def add_spot(self, spot: Spot, kind: str) -> None:
+        """Where another one of a kind was."""
+        if spot not in self.spots:
+            self.spots = (*self.spots, spot)
+        self.elsewhere = {**self.elsewhere, spot.name: kind}
+
     def narrow(self, name: str, classes: Sequence[str]) -> None:
         """Somebody known is said to be of these classes."""
         person = self.people[name]
@@ -147,6 +156,9 @@ class Discourse:
             raise self.refuse(noun.span, f'nobody was named whom "{noun.word}" could mean')
         if noun.article == "none":
             raise self.refuse(noun.span, NOBODY)
+        if noun.article == "definite" and not fitting and noun.kind in self.elsewhere.values():
+            what = f'"{noun.word}" was there at another time, and is not followed to this one'
+            raise self.refuse(noun.span, f'{what}; say "a {noun.word}" for any')
         if noun.article == "new" or not fitting:
             return None
         if noun.article == "indefinite" and fitting[-1] in self.unsaid:

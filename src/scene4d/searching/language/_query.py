@@ -21,38 +21,13 @@ from scene4d.searching.language._pieces import Piece
 from scene4d.searching.language._reading import read_tree
 from scene4d.searching.language._refusals import refusal_at
 from scene4d.searching.language._sentences import Clock, options_of
+from scene4d.searching.language._times import window_of
 from scene4d.searching.language._words import Word, read_words, refuse, refused
 from scene4d.searching.predicates._registry import PREDICATES
+from scene4d.searching.predicates._when import Window
 
 _MOST_EXPECTED = 12
 """Longer lists of what could be said instead are cut off."""
-_DAY_S = 86400.0
-
-
-@dataclass(frozen=True)
-class Window:
-    """A time of every day, seconds from midnight on the footage's own clock: from ``begin_s`` up
-    to ``end_s``, over midnight where the end is not after the beginning.
-    """
-
-    begin_s: float
-    end_s: float
-
-    def contains(self, second_of_day: float) -> bool:
-        """Whether a time of day lies in it."""
-        second = second_of_day % _DAY_S
-        if self.begin_s < self.end_s:
-            return self.begin_s <= second < self.end_s
-        return second >= self.begin_s or second < self.end_s
-
-    def __str__(self) -> str:
-        return f"{_written(self.begin_s)} to {_written(self.end_s)}"
-
-
-def _written(seconds: float) -> str:
-    minutes, second = divmod(round(seconds), 60)
-    hour, minute = divmod(minutes, 60)
-    return f"{hour:02d}:{minute:02d}" + (f":{second:02d}" if second else "")
 
 
 @dataclass(frozen=True)
@@ -88,8 +63,8 @@ def parse_query(
     grammar = build_grammar(catalogue.values())
     words = read_words(text, grammar.vocabulary(tuple(zones), tuple(lines)))
     read, notes = read_tree(_parse(text, words, grammar), text, grammar)
-    sentences = options_of(read)
-    sentence = sentences[0]
+    sentences = sorted(options_of(read), key=lambda one: len(one.clocks))
+    sentence = sentences[0]  # a time of day is that of the nearest words
     if len(sentences) > 1:
         notes.append("the time of day could be read in several ways")
     discourse = Discourse(text, grammar.lexicon)
@@ -104,16 +79,23 @@ def parse_query(
 
 def explain(activity: Activity, window: Window | None, notes: Sequence[str]) -> list[str]:
     """The decomposition as text: who, the phases with their durations and terms, when, notes."""
+    lines = _explained(activity)
+    for spot in activity.spots:
+        lines.append(f'spot "{spot.name}": another one, {spot.when}')
+        lines += [f"   {line}" for line in _explained(spot.activity)]
+    if window is not None:
+        lines.append(f"time of day: {window}")
+    return [*lines, *(f"note: {note}" for note in notes)]
+
+
+def _explained(activity: Activity) -> list[str]:
     lines = [
         f"{role.name}: {_at_least(role)}{' or '.join(role.classes)}" for role in activity.roles
     ]
     for number, phase in enumerate(activity.phases, 1):
         lines.append(f"{number}. {phase.name}{_lasting(phase)}{_pause(phase, number)}")
         lines += [f"   {term_text(term)}" for term in phase.terms]
-    lines += [f"{r.first} {r.relation} {r.second}" for r in activity.relations]
-    if window is not None:
-        lines.append(f"time of day: {window}")
-    return [*lines, *(f"note: {note}" for note in notes)]
+    return [*lines, *(f"{r.first} {r.relation} {r.second}" for r in activity.relations)]
 
 
 def _at_least(role: Role) -> str:
@@ -151,8 +133,10 @@ def _activity(
     roles = tuple(role for role in discourse.roles() if role.name in used)
     known = catalogue.get(piece.name)
     if known is not None:
-        return replace(known, roles=roles, phases=piece.phases, relations=piece.relations)
-    return Activity(" ".join(text.split()), roles, piece.phases, piece.relations)
+        said = replace(known, roles=roles, phases=piece.phases, relations=piece.relations)
+    else:
+        said = Activity(" ".join(text.split()), roles, piece.phases, piece.relations)
+    return replace(said, spots=discourse.spots)
 
 
 def _window_of(clocks: Sequence[Clock], discourse: Discourse, notes: list[str]) -> Window | None:
@@ -164,18 +148,10 @@ def _window_of(clocks: Sequence[Clock], discourse: Discourse, notes: list[str]) 
         return None
     if len(clocks) > 1:
         raise discourse.refuse(clocks[1].span, "a second time of day; one search asks for one")
-    clock, said = clocks[0], discourse.said(clocks[0].span)
+    clock = clocks[0]
+    window = window_of(clock, discourse.text, clock.span, discourse.lexicon)
     if clock.at is not None:
-        at_s = discourse.assumed("at_s")
-        window = Window((clock.at - at_s) % _DAY_S, (clock.at + at_s) % _DAY_S)
-        notes.append(f'"{said}" is taken as {window}')
-    else:
-        begin = 0.0 if clock.begin is None else clock.begin
-        end = _DAY_S if clock.end is None else clock.end
-        if begin == end or ((begin, end) == (0.0, _DAY_S) and None in (clock.begin, clock.end)):
-            what = f'"{said}" holds no time, or all; say "between midnight and 6 am", for example'
-            raise discourse.refuse(clock.span, what)
-        window = Window(begin % _DAY_S, end)
+        notes.append(f'"{discourse.said(clock.span)}" is taken as {window}')
     if window.begin_s >= window.end_s:
         notes.append(f"the time of day {window} goes over midnight")
     return window

@@ -23,6 +23,7 @@ from scene4d.searching.language._sentences import (
     Delay,
     Done,
     Joined,
+    Lasting,
     Noun,
     Pair,
     Place,
@@ -30,6 +31,7 @@ from scene4d.searching.language._sentences import (
     Said,
     Sentence,
     Span,
+    SpotSaid,
     options_of,
 )
 from scene4d.searching.language._times import (
@@ -38,10 +40,12 @@ from scene4d.searching.language._times import (
     TimeReader,
     all_of,
     first_of,
+    joined,
     span_of,
 )
 from scene4d.searching.language._words import Amount, amount_of, read_number, refuse
 from scene4d.searching.predicates._relation import SIDES
+from scene4d.searching.predicates._when import When
 
 _WEIGHED = (Clause, Done, Said, Chain, Joined, Sentence)
 """Where these have several readings, the composer takes the one that makes sense."""
@@ -104,7 +108,6 @@ class _Reader(TimeReader):
     def __init__(self, text: str, grammar: Grammar) -> None:
         super().__init__(text, grammar.lexicon)
         self._grammar = grammar
-        self.notes: list[str] = []
 
     # Rules by their number ------------------------------------------------------------------------
 
@@ -158,6 +161,8 @@ class _Reader(TimeReader):
             for option in child.options if isinstance(child, Choice) else (child,):
                 if option not in options:
                     options.append(option)
+        if isinstance(options[0], SpotSaid):  # "10 minutes earlier" is when, and not how long
+            options = sorted(options, key=lambda one: one.lasting is not None)[:1]
         if len(options) > 1 and not isinstance(options[0], _WEIGHED):
             return self._taken(options)
         return options[0] if len(options) == 1 else Choice(tuple(options))
@@ -209,7 +214,8 @@ class _Reader(TimeReader):
         for mark in all_of(children, Mark):
             if mark.name.removeprefix("s_") in SIDES:
                 values["side"] = mark.name.removeprefix("s_")
-        return Said(entry, tuple(all_of(children, Noun)), values, span, is_verb=is_verb)
+        nouns, spot = tuple(all_of(children, Noun)), first_of(children, SpotSaid)
+        return Said(entry, nouns, values, span, is_verb=is_verb, spot=spot)
 
     # Order ----------------------------------------------------------------------------------------
 
@@ -350,6 +356,26 @@ class _Reader(TimeReader):
             said[0] = _denied(said[0])
         return tuple(said)
 
+    def spot(self, meta: Any, children: list) -> SpotSaid:
+        """Where another one was; without a time in the present it is now, which is no spot."""
+        noun, span = first_of(children, Noun), _hull(span_of(meta), children)
+        said = self._text[slice(*span)]
+        whens = all_of(children, When)
+        tense = _tense(self._text[noun.span[1] : span[1]])
+        if not whens and tense == "present":
+            what = f'"{said}" is now; say "near another person", or where he was, as in "stood"'
+            raise refuse(self._text, span[0], what)
+        when = joined(whens, said, self._text, span[0])
+        if tense == "future" and not whens:
+            when = When(later=True)
+        if when in (When(), When(later=True)):
+            when = replace(when, is_over=True)
+        polarity = first_of(children, Polarity) or Polarity(False, False)
+        if polarity.is_denied:
+            raise refuse(self._text, noun.span[0], "where somebody never was cannot be asked for")
+        core = first_of(children, Done, Said, Choice)
+        return SpotSaid(noun, polarity, core, first_of(children, Lasting), when, span)
+
     def pair(self, _meta: Any, children: list) -> Pair:
         first, second = all_of(children, Noun)
         return Pair(first, second)
@@ -364,6 +390,16 @@ class _Reader(TimeReader):
         if isinstance(found, Fraction):
             return found
         return read_number(str(found), self._text, span_of(meta)[0])
+
+
+def _tense(text: str) -> str:
+    """Whether the first verb of a text is in the present or the future: "stands", "will stand"."""
+    first = next(iter(text.casefold().split()), "")
+    if first == "will":
+        return "future"
+    bases = base_forms(first)
+    is_present = first in ("is", "are") or (first != "was" and (not bases or first[-1:] == "s"))
+    return "present" if is_present else "past"
 
 
 def _introduced(articles: set[str]) -> str:

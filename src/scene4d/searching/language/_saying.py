@@ -222,7 +222,9 @@ def _holds(said: Said, names: Sequence[str], discourse: Discourse) -> tuple[Term
     """The terms of a statement with its roles and values, or their opposite."""
     called = dict(zip("abc", names, strict=False))
     terms = [_with_values(term, said.values) for term in said.entry.holds]
-    kinds = tuple(discourse.people[name].kind for name in names[:2])
+    kinds = [discourse.people[name].kind for name in names[:2]]
+    if "spot" in said.values:
+        kinds.append(discourse.elsewhere[str(said.values["spot"])])
     terms[0] = _by_kinds(said.entry, terms[0], kinds)
     if said.is_denied:
         terms[0] = replace(terms[0], negated=not terms[0].negated)

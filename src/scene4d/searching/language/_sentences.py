@@ -6,6 +6,7 @@ from typing import Any
 
 from scene4d.searching.activities.definition import Activity, Role
 from scene4d.searching.language._lexicon import Adjective, StateEntry
+from scene4d.searching.predicates._when import When
 
 Span = tuple[int, int]
 """Characters of the text, from the first up to the second."""
@@ -95,9 +96,21 @@ class Polarity:
 
 
 @dataclass(frozen=True)
+class SpotSaid:
+    """Where another one was, and when: what he did, None where he only was there."""
+
+    noun: "Noun"
+    polarity: Polarity
+    core: "Done | Said | Choice | None"
+    lasting: "Lasting | None"
+    when: When
+    span: Span
+
+
+@dataclass(frozen=True)
 class Said:
     """A state of the lexicon: its entry, whom it is about besides the subject, and values in
-    metres, seconds or names. ``is_verb`` where it is no relation.
+    metres, seconds or names. ``is_verb`` where it is no relation. ``spot`` is where it is so.
     """
 
     entry: StateEntry
@@ -106,6 +119,7 @@ class Said:
     span: Span
     is_denied: bool = False
     is_verb: bool = False
+    spot: "SpotSaid | None" = None
 
     @property
     def predicate(self) -> str:

@@ -1,6 +1,6 @@
 """How long and when: the rules of a parse tree that speak of time, and what all are read with."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
@@ -10,6 +10,7 @@ from lark import Transformer, v_args
 from scene4d.searching.language._lexicon import Lexicon
 from scene4d.searching.language._sentences import Clock, Lasting, Span
 from scene4d.searching.language._words import Amount, read_clock, refuse
+from scene4d.searching.predicates._when import DAY_S, When, Window
 
 CLOCKS = {
     "between_clock": ("begin", "end"),
@@ -18,6 +19,8 @@ CLOCKS = {
     "at_clock": ("at",),
 }
 """What the times of day in a rule are."""
+_DAYS = {"s_yesterday": -1, "s_last_night": -1, "s_today": 0, "s_this": 0, "s_tomorrow": 1}
+"""The days after that of the moment that is searched for."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +46,47 @@ def span_of(meta: Any) -> Span:
     return (meta.start_pos, meta.end_pos) if not meta.empty else (0, 0)
 
 
+def window_of(clock: Clock, text: str, span: Span, lexicon: Lexicon) -> Window:
+    """The time of day that is said. Raises :class:`InputError` for one that holds no time."""
+    if clock.at is not None:
+        at_s = lexicon.assumed["at_s"]
+        return Window((clock.at - at_s) % DAY_S, (clock.at + at_s) % DAY_S)
+    begin = 0.0 if clock.begin is None else clock.begin
+    end = DAY_S if clock.end is None else clock.end
+    if begin == end or ((begin, end) == (0.0, DAY_S) and None in (clock.begin, clock.end)):
+        said = text[slice(*span)]
+        what = f'"{said}" holds no time, or all; say "between midnight and 6 am", for example'
+        raise refuse(text, span[0], what)
+    return Window(begin % DAY_S, end)
+
+
+def joined(whens: Sequence[When], said: str, text: str, start: int) -> When:
+    """All that is said of when another one was there. Raises :class:`InputError` where two say
+    the same thing of it.
+    """
+    whole, usual = When(), When()
+    for when in whens:
+        for name in ("least_s", "most_s", "later", "day", "clock"):
+            new, old = getattr(when, name), getattr(whole, name)
+            if new == getattr(usual, name):
+                continue
+            if old not in (getattr(usual, name), new):
+                raise refuse(text, start, f'"{said}" says twice when that was')
+            whole = replace(whole, **{name: new})
+    return whole
+
+
+def _is_later(children: Iterable[Any]) -> bool:
+    return any(mark.name == "s_later" for mark in all_of(children, Mark))
+
+
 @v_args(meta=True)
 class TimeReader(Transformer):
     """Durations and times of day; one method per rule, by name."""
 
     def __init__(self, text: str, lexicon: Lexicon) -> None:
         super().__init__(visit_tokens=False)
+        self.notes: list[str] = []
         self._text = text
         self._lexicon = lexicon
 
@@ -68,6 +106,50 @@ class TimeReader(Transformer):
         if not 0 < least <= most:
             raise refuse(self._text, span_of(meta)[0], "the shorter time comes first")
         return Lasting(least, most, span_of(meta))
+
+    # When another one was there ------------------------------------------------------------------
+
+    def when_earlier(self, _meta: Any, _children: list) -> When:
+        return When()
+
+    def when_later(self, _meta: Any, _children: list) -> When:
+        return When(later=True)
+
+    def when_at_least(self, _meta: Any, children: list) -> When:
+        return When(first_of(children, Amount).value, later=_is_later(children))
+
+    def when_at_most(self, _meta: Any, children: list) -> When:
+        return When(0.0, first_of(children, Amount).value, _is_later(children))
+
+    def when_between(self, meta: Any, children: list) -> When:
+        lasting = self.lasts_between(meta, children)
+        return When(lasting.least, lasting.most, _is_later(children))
+
+    def when_about(self, meta: Any, children: list) -> When:
+        """ "Two days ago" is a day; "an hour ago" about so long, which is told."""
+        amount = first_of(children, Amount)
+        later = _is_later(children)
+        days = amount.value / DAY_S
+        if amount.unit >= DAY_S and days.is_integer():
+            return When(later=later, day=int(days) if later else -int(days))
+        off_s = self._lexicon.assumed["about"] * amount.value
+        when = When(amount.value - off_s, amount.value + off_s, later)
+        said = self._text[slice(*span_of(meta))]
+        self.notes.append(f'"{said}" is taken as {when}')
+        return when
+
+    def when_day(self, _meta: Any, children: list) -> When:
+        marks = {mark.name: " ".join(mark.words) for mark in all_of(children, Mark)}
+        day = next((_DAYS[name] for name in marks if name in _DAYS), 0)
+        part = "night" if "s_last_night" in marks else marks.get("day_word")
+        if part is None:
+            return When(day=day, later=day > 0)
+        begin_s, end_s = (read_clock(time, self._text, 0) for time in self._lexicon.day[part])
+        return When(day=day, later=day > 0, clock=Window(begin_s, end_s))
+
+    def when_clock(self, meta: Any, children: list) -> When:
+        clock = first_of(children, Clock)
+        return When(clock=window_of(clock, self._text, span_of(meta), self._lexicon))
 
     # The clock ------------------------------------------------------------------------------------
 

@@ -44,9 +44,18 @@ class Separation:
     @classmethod
     def between(cls, a: StageRows, b: StageRows) -> "Separation":
         """Of rows that belong together, one by one."""
-        vector = b.xy_m - a.xy_m
         covariance = a.covariance_m2 + b.covariance_m2
-        of_a, of_b = a.camera_factor, b.camera_factor
+        return cls.of(b.xy_m - a.xy_m, covariance, a.camera_factor, b.camera_factor)
+
+    @classmethod
+    def of(
+        cls,
+        vector: Float[np.ndarray, "m 2"],
+        covariance: Float[np.ndarray, "m 2 2"],
+        of_a: Float[np.ndarray, "m 2 k"] | None,
+        of_b: Float[np.ndarray, "m 2 k"] | None,
+    ) -> "Separation":
+        """Of vectors, the sums of both ends' own covariances, and their camera factors."""
         if of_a is not None and of_b is not None:
             apart = of_b - of_a
             covariance = covariance + apart @ apart.swapaxes(1, 2)

@@ -17,7 +17,7 @@ _PIECE = 32
 """Moments of a piece, chosen by hand: few enough for a small box, enough for few pieces."""
 BOUND_SIGMA = 2.4
 """Standard deviations by which a box grows: P(near) is below 0.01 beyond them."""
-_MOST_SPREAD_M = 10.0
+MOST_SPREAD_M = 10.0
 """A box grows by no more: what is so uncertain is near nothing in particular. Chosen by hand."""
 _STANDS_MPS = 0.5
 """What is slower than this stands, as for :func:`motion.moving`."""
@@ -118,7 +118,7 @@ def _pieces(stage: Stage, rows: Int[np.ndarray, "n"], lag: int) -> _Pieces:
     count = np.diff(np.append(first, len(rows)))
     tracks = stage.tracks
     variance = tracks.covariance_m2[:, 0, 0][rows] + tracks.covariance_m2[:, 1, 1][rows]
-    spread = np.fmin(BOUND_SIGMA * np.sqrt(np.maximum(variance, 0)), _MOST_SPREAD_M)
+    spread = np.fmin(BOUND_SIGMA * np.sqrt(np.maximum(variance, 0)), MOST_SPREAD_M)
     # Column by column: along rows of two, a reduction takes ten times as long.
     xy = [tracks.xy_m[:, axis][rows] for axis in (0, 1)]
     low = np.column_stack([np.fmin.reduceat(x - spread, first) for x in xy])

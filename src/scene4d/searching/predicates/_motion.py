@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.searching.predicates._distance import Separation, near_probability
+from scene4d.searching.predicates._distance import near
 from scene4d.searching.predicates._gaussian import above, form
 from scene4d.searching.predicates.stage import StageRows
 
@@ -84,14 +84,11 @@ def staying(
     """P(a stays about a place): within ``window_s`` seconds about the moment it gets no further
     than ``radius_m``, whatever it does between.
 
-    P(near) of its first and its last position in the window, with the covariances of both
-    (:class:`Separation`); of a shorter track those that there are. NaN where one is missing.
+    :func:`near` of its first and its last position in the window; of a shorter track of those that
+    there are. NaN where one is missing.
     """
     early, late = a.stage.window(a.index, window_s / 2)
-    way = Separation.between(a.stage.rows(early), a.stage.rows(late))
-    return near_probability(
-        way.distance_m, tau_m=radius_m, sigma_m=sigma_m, distance_sigma_m=way.distance_sigma_m
-    )
+    return near(a.stage.rows(early), a.stage.rows(late), tau_m=radius_m, sigma_m=sigma_m)
 
 
 def arrived(
@@ -125,7 +122,9 @@ def departs(
 def _elsewhere(
     a: StageRows, then: StageRows, radius_m: float, sigma_m: float
 ) -> Float[np.ndarray, "m"]:
-    way = Separation.between(a, then)
-    return 1 - near_probability(
-        way.distance_m, tau_m=radius_m, sigma_m=sigma_m, distance_sigma_m=way.distance_sigma_m
-    )
+    return 1 - near(a, then, tau_m=radius_m, sigma_m=sigma_m)
+
+
+def present(a: StageRows) -> Float[np.ndarray, "m"]:
+    """P(a is there at all): 1 wherever it has a position, and else NaN."""
+    return np.where(np.isfinite(a.xy_m).all(axis=1), 1.0, np.nan)

@@ -17,6 +17,7 @@ from scene4d.searching.predicates._motion import (
     arrived,
     departs,
     moving,
+    present,
     speed_above,
     speed_below,
     stationary,
@@ -31,6 +32,7 @@ from scene4d.searching.predicates._relation import (
     together,
 )
 from scene4d.searching.predicates._size import longer_than, taller_than
+from scene4d.searching.predicates._spots import near_spot
 from scene4d.searching.predicates._turning import reversing, turning_left, turning_right, u_turning
 from scene4d.searching.predicates._visibility import (
     appears,
@@ -46,8 +48,8 @@ _Function = Callable[..., np.ndarray]
 @dataclass(frozen=True)
 class Parameter:
     """A number in ``unit`` ("m", "s", "m/s", "rad", "" for a share or a count) from ``low`` to
-    ``high``, or the name of a "zone", a "line", or a "side" of a vehicle. ``default`` is None where
-    it must be given (zones, lines) or may be left out (sides).
+    ``high``, or the name of a "zone", a "line", a "spot", or a "side" of a vehicle. ``default`` is
+    None where it must be given (zones, lines, spots) or may be left out (sides).
     """
 
     name: str
@@ -59,7 +61,7 @@ class Parameter:
     @property
     def required(self) -> bool:
         """Whether there is no predicate without it."""
-        return self.unit in ("zone", "line")
+        return self.unit in ("zone", "line", "spot")
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,7 @@ _RANGES: dict[str, tuple[str, float, float]] = {
     "count": ("", 2.0, 1e3),
     "zone": ("zone", 0.0, np.inf),
     "line": ("line", 0.0, np.inf),
+    "spot": ("spot", 0.0, np.inf),
     "side": ("side", 0.0, np.inf),
 }
 """Unit and range of a parameter follow from its name. Ranges only keep out what cannot be meant."""
@@ -125,7 +128,9 @@ _ALL = (
     _predicate(same_place, holds="within", symmetric=True),
     _predicate(beside, holds="within", outline_m=8.0, sizes=True),
     _predicate(between),
+    _predicate(near_spot),
     _predicate(alone),
+    _predicate(present),
     _predicate(moving),
     _predicate(stationary),
     _predicate(staying),

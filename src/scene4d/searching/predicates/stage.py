@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -11,6 +12,9 @@ from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
+
+if TYPE_CHECKING:
+    from scene4d.searching.predicates._spots import Spots
 
 CameraFactor = Callable[[Float[np.ndarray, "m 2"]], Float[np.ndarray, "m 2 k"]]
 """Of places on the ground (m): the ground Jacobian times a square root of the camera's covariance.
@@ -27,7 +31,8 @@ class Stage:
 
     ``tracks`` are ordered by (track, time). ``image_size`` is (width, height) in pixels, ``step_s``
     the time between two rows of a track. ``camera_factor`` is None where the camera's error is not
-    known. ``zones`` are polygons and ``lines`` polylines on the ground, (m, 2) metres. ``camera``
+    known. ``zones`` are polygons and ``lines`` polylines on the ground, (m, 2) metres; ``spots``
+    are where others were at other times (:func:`near_spot`). ``camera``
     tells how large things are seen; None where the picture is all there is. ``everybody`` says
     whether whoever is in view is tracked as well as can be: annotators follow those of an activity,
     while it lasts, so that nobody is missed of whom there are no rows.
@@ -42,6 +47,7 @@ class Stage:
     camera_factor: CameraFactor | None = None
     zones: Mapping[str, Float[np.ndarray, "_ 2"]] = field(default_factory=dict)
     lines: Mapping[str, Float[np.ndarray, "_ 2"]] = field(default_factory=dict)
+    spots: "Mapping[str, Spots]" = field(default_factory=dict)
     camera: Camera | None = None
     everybody: bool = True
 

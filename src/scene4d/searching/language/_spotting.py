@@ -1,0 +1,111 @@
+"""Where another one was: what he did there becomes an activity of its own."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+
+from scene4d.searching.activities.definition import Activity, Spot, Term
+from scene4d.searching.language._discourse import Discourse
+from scene4d.searching.language._lexicon import StateEntry
+from scene4d.searching.language._pieces import Piece, state
+from scene4d.searching.language._saying import nouns_of
+from scene4d.searching.language._sentences import (
+    Clause,
+    Done,
+    Lasting,
+    Noun,
+    Said,
+    SpotSaid,
+    options_of,
+)
+from scene4d.searching.predicates._when import When
+
+_Read = Callable[[Clause, Discourse], Piece]
+
+
+def with_spots(clause: Clause, discourse: Discourse, read: _Read) -> Clause:
+    """A clause of which the spots are named, and known to the discourse; ``read`` reads what was
+    done there. Raises :class:`InputError` for what cannot be asked of another time.
+    """
+    core = clause.core
+    if isinstance(core, Said) and core.spot is not None:
+        clause = replace(clause, core=_named(core, core.spot, clause, discourse, read))
+    modifiers = tuple(
+        _named(part, part.spot, clause, discourse, read)
+        if isinstance(part, Said) and part.spot is not None
+        else part
+        for part in clause.modifiers
+    )
+    return replace(clause, modifiers=modifiers)
+
+
+def _named(said: Said, spot: SpotSaid, clause: Clause, discourse: Discourse, read: _Read) -> Said:
+    noun, words = spot.noun, discourse.said(spot.span)
+    if noun.article == "pronoun":
+        what = 'nobody is compared with himself at another time; say "another person"'
+        raise discourse.refuse(noun.span, what)
+    known = Discourse(discourse.text, discourse.lexicon, dict(discourse.people), discourse.mentions)
+    if noun.article in ("definite", "other") and known.meant(noun, noun.classes, ()) is not None:
+        return _bound(said, spot, discourse, read)
+    if noun.word in ("another", "other") and not noun.classes:
+        noun = _like_subject(noun, clause, discourse)
+    there = Discourse(discourse.text, discourse.lexicon)
+    piece = _done_there(replace(spot, noun=noun), there, read)
+    name = re.sub(r"[\s(),=]+", " ", re.sub(r"^\w+\s", "", words)).strip()
+    doer = there.subject[0]
+    made = Activity(name, there.roles(), piece.phases, piece.relations, state=_state(spot, piece))
+    for note in there.notes:
+        discourse.note(note)
+    discourse.add_spot(Spot(name, made, doer, spot.when), there.people[doer].kind)
+    return replace(said, values={**said.values, "spot": name})
+
+
+def _done_there(spot: SpotSaid, there: Discourse, read: _Read) -> Piece:
+    lasting = () if spot.lasting is None else (spot.lasting,)
+    if spot.core is not None:
+        clause = Clause(spot.noun, spot.polarity, spot.core, lasting, spot.span)
+        return read(clause, there)
+    name = there.name_of(spot.noun, ())
+    there.subject = (name,)
+    return state((Term("present", (name,)),), Lasting(None, None, spot.span), False, there)
+
+
+def _state(spot: SpotSaid, piece: Piece) -> str:
+    """The phase in which another one was where is asked for; none: all of it."""
+    for option in options_of(spot.core):
+        for spoken in option.meant if isinstance(option, Done) else ():
+            activity = spoken.activity
+            if activity.name == piece.name:
+                return activity.state or (piece.phases[-1].name if activity.after else "")
+    return piece.phases[-1].name
+
+
+def _like_subject(noun: Noun, clause: Clause, discourse: Discourse) -> Noun:
+    """ "Another" is one as the subject."""
+    subjects = nouns_of(clause.subject)
+    if subjects and subjects[0].classes:
+        return replace(
+            noun, kind=subjects[0].kind, classes=subjects[0].classes, word=subjects[0].word
+        )
+    raise discourse.refuse(noun.span, '"another" what? Say "another person", for example')
+
+
+def _bound(said: Said, spot: SpotSaid, discourse: Discourse, read: _Read) -> Said:
+    """Somebody who takes part was there before: he is looked at so much earlier."""
+    words, when = discourse.said(spot.span), spot.when
+    known = Discourse(discourse.text, discourse.lexicon, dict(discourse.people), discourse.mentions)
+    piece = _done_there(spot, known, read)
+    is_state = len(piece.phases) == 1 and all(len(term.roles) == 1 for term in piece.terms)
+    if not is_state or when != When(is_over=True) or piece.is_timed or said.entry.becomes:
+        what = f'"{words}": of whom takes part say only what he was, as in "where the car was"'
+        raise discourse.refuse(spot.span, what)
+    lag = {"lag_s": float("inf")}
+    distance = {"tau_m": said.values["distance"]} if "distance" in said.values else {}
+    near = Term("near", ("a", "b"), {**distance, **lag})
+    terms = [
+        replace(term, roles=("b",), parameters={**term.parameters, **lag})
+        for term in piece.terms
+        if term.predicate != "present"
+    ]
+    entry = StateEntry((near, *terms))
+    return replace(said, entry=entry, nouns=(spot.noun,), values={}, spot=None)
