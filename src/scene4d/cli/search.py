@@ -136,6 +136,8 @@ def search(
             _show_understood(one)
     with output_folder(out), job.progress() as progress:
         done = [answer(one, progress) for one in asked]
+        for one in done if explain else ():
+            one.explain()
         if out is not None:
             done[0].save(out, command=command_line(), progress=progress)
         if actev is not None:
@@ -206,6 +208,8 @@ def _show_event(console: "Console", number: int, found: "FoundEvent") -> None:
         soft_wrap=True,
     )
     console.print(f"     {roles}  in {found.clip}", soft_wrap=True)
+    for note in found.about_spots:
+        console.print(f"     {note}", soft_wrap=True)
     for phase, terms in why_groups(found.event.why):
         said = ", ".join(f"{term} {value}" for term, value, _ in terms)
         line = f"{phase}: {said}" if phase else said

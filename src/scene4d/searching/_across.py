@@ -62,7 +62,9 @@ def answer_site(
 
 
 def _of_pictures(asked: Asked) -> bool:
-    return any(term.predicate in _OF_PICTURES for term in asked.query.activity.terms)
+    """Whether each camera is searched by itself, as also where spots are remembered."""
+    activity = asked.query.activity
+    return bool(activity.spots) or any(term.predicate in _OF_PICTURES for term in activity.terms)
 
 
 @dataclass(frozen=True, eq=False)

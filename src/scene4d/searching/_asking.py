@@ -95,6 +95,7 @@ def understand(scene: Scene | Site, words: str, options: SearchOptions) -> Asked
         )
     if query.window is not None:
         notes += _check_window(scene, query)
+    notes += _check_clocks(scene, query)
     places = named if site is None else in_cameras(named, site)
     return Asked(scene, query, options, places, tuple(notes), site, named)
 
@@ -140,7 +141,8 @@ def words_of(words: str, options: SearchOptions, cameras: Sequence[str]) -> tupl
 
 def _check_roles(scene: Scene, query: Query) -> None:
     there = scene.classes
-    for role in query.activity.roles:
+    spots = [role for spot in query.activity.spots for role in spot.activity.roles]
+    for role in (*query.activity.roles, *spots):
         if not set(role.classes) & set(there):
             rows = ", ".join(f"{name} ({count:,} rows)" for name, count in there.items())
             raise InputError(
@@ -153,7 +155,7 @@ def _used(query: Query, places: Places) -> set[str]:
     """The names of the places that the query uses."""
     used: set[str] = set()
     for kind in ("zone", "line"):
-        for name in places_of(query.activity.terms, kind, PREDICATES):
+        for name in places_of(query.activity.every_term, kind, PREDICATES):
             there = places.names(kind)
             if name not in there:
                 raise InputError(
@@ -176,6 +178,29 @@ def _check_window(scene: Scene, query: Query) -> list[str]:
     notes = ["times of day are UTC; an event belongs to the time at which it begins"]
     if unknown:
         notes.append(f"{unknown} of {len(runs)} clips are left out: their start is not known")
+    return notes
+
+
+def _check_clocks(scene: Scene, query: Query) -> list[str]:
+    """Notes on which clips are compared; raises where days are asked for and none is known."""
+    if not query.activity.spots:
+        return []
+    runs = [run for run in scene.runs if run.rows]
+    unknown = sum(not run.start_known for run in runs)
+    for spot in query.activity.spots:
+        if unknown == len(runs) and (spot.when.day is not None or spot.when.clock is not None):
+            raise InputError(
+                f"{query.text!r} asks for {str(spot.when)!r}, but the start of the footage is "
+                "unknown: track it again with its start, such as 2026-11-20T08:00:00Z"
+            )
+    notes = []
+    if unknown and len(runs) > 1:
+        notes.append(
+            f"the start of {unknown} of {len(runs)} clips is not known: who was where is looked up "
+            "in the same clip only there"
+        )
+    if len(scene.cameras) > 1:
+        notes.append("who was where is looked up in the same camera: they share no ground yet")
     return notes
 
 

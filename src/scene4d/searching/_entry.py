@@ -162,7 +162,7 @@ def _runs(asked: Asked) -> list[Run]:
 
 def _seeing(asked: Asked) -> list[str]:
     """The cameras that see all places that are asked for; raises where there is none."""
-    terms = asked.query.activity.terms
+    terms = asked.query.activity.every_term
     wanted = {kind: set(places_of(terms, kind, PREDICATES)) for kind in ("zone", "line")}
     seeing = [
         camera
@@ -188,9 +188,7 @@ def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Stage:
     annotations, where one object may have several, are united.
     """
     alone = asked.scene.only(run.run)
-    activity = asked.query.activity
-    terms = [*activity.terms, *(term for spot in activity.spots for term in spot.activity.terms)]
-    used = [PREDICATES[term.predicate] for term in terms]
+    used = [PREDICATES[term.predicate] for term in asked.query.activity.every_term]
     if any(one.keypoints for one in used):
         tracks, step_s = thinned(alone.tracks(), STEP_S)
     else:

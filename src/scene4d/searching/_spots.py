@@ -13,9 +13,11 @@ from jaxtyping import Int
 from scene4d.core.errors import InputError
 from scene4d.core.progress import Progress
 from scene4d.searching.activities._events import Event
+from scene4d.searching.activities._terms import value_of
 from scene4d.searching.activities.definition import Activity, Spot
 from scene4d.searching.activities.search import judge
 from scene4d.searching.predicates._meeting import expand, runs
+from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.searching.predicates._spots import Spots, SpotTable
 from scene4d.searching.predicates.stage import Stage
 from scene4d.store.runs import Run
@@ -39,7 +41,8 @@ Staged = Callable[[Run], Stage]
 class FoundSpot:
     """A spot that an event is near: who was there (``track``, of ``run``), from ``begin_s`` to
     ``end_s`` in the clip of that run, at ``xy_m``; ``name`` says what he did, ``role`` who of the
-    event is near it, ``distance_m`` how near, and ``probability`` is that of ``near_spot``.
+    event is near it, ``distance_m`` how near, where ``tau_m`` is asked for, and ``probability`` is
+    that of ``near_spot``.
     """
 
     name: str
@@ -50,6 +53,7 @@ class FoundSpot:
     end_s: float
     xy_m: tuple[float, float]
     distance_m: float
+    tau_m: float
     probability: float
 
 
@@ -89,15 +93,16 @@ class Memory:
     def found(self, stage: Stage, event: Event) -> Iterator[FoundSpot]:
         """The spots that an event of such a stage is near: those that count most."""
         uses = {
-            (term.roles[0], str(term.parameters["spot"])): term
-            for term in self._activity.terms
-            if term.predicate == "near_spot"
+            (term.roles[0], str(term.parameters["spot"])): (term, span_s)
+            for phase, span_s in zip(self._activity.phases, event.phases_s, strict=True)
+            for term in phase.terms
+            if term.predicate == "near_spot" and not term.negated
         }
-        for (role, name), term in uses.items():
-            rows = _rows(stage, [event.roles[role]], [(event.begin_s, event.end_s)])[1]
-            given = {k: float(v) for k, v in term.parameters.items() if k != "spot"}
+        for (role, name), (term, span_s) in uses.items():
+            rows = _rows(stage, [event.roles[role]], [span_s])[1]
+            tau_m, sigma_m = (value_of(term, key, PREDICATES) for key in ("tau_m", "sigma_m"))
             spots = stage.spots[name]
-            p, at = spots.probability(stage.rows(rows), **given)
+            p, at = spots.probability(stage.rows(rows), tau_m, sigma_m)
             if not (at >= 0).any():
                 continue
             best = int(np.where(at >= 0, p, -1.0).argmax())
@@ -107,9 +112,17 @@ class Memory:
             x_m, y_m = spot.xy_m[0].tolist()
             apart_m = float(np.linalg.norm(stage.tracks.xy_m[rows[best]] - spot.xy_m[0]))
             yield FoundSpot(
-                name, role, run, int(spot.track[0]), begin_s, end_s, (x_m, y_m), apart_m,
+                name,
+                role,
+                run,
+                int(spot.track[0]),
+                begin_s,
+                end_s,
+                (x_m, y_m),
+                apart_m,
+                tau_m,
                 float(p[best]),
-            )  # fmt: skip
+            )
 
     def _clock(self, run: Run) -> int:
         return 0 if run.start_known else 1 + self._number[run.run]
@@ -139,7 +152,11 @@ class Memory:
         """
         events = judge(stage, spot.activity, min_score=_LEAST_SCORE).events
         who = [event.roles[spot.doer] for event in events]
-        owner, rows = _rows(stage, who, [event.state_s for event in events])
+        names = [phase.name for phase in spot.activity.phases]
+        at = slice(None) if spot.phase is None else names.index(spot.phase)
+        lasted = [np.ravel(event.phases_s[at]) for event in events]
+        spans_s = [(float(times.min()), float(times.max())) for times in lasted]
+        owner, rows = _rows(stage, who, spans_s)
         tracks = stage.tracks
         placed = np.isfinite(tracks.xy_m[rows]).all(axis=1)
         owner, rows = owner[placed], rows[placed]

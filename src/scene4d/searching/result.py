@@ -69,9 +69,19 @@ class FoundEvent:
 
     @property
     def notes(self) -> list[str]:
-        """What its probability is of, or why there is none; and who was at its spots, and when."""
+        """What is to be said of its probability, and of who was where the search speaks of."""
+        return [self.about_probability, *self.about_spots]
+
+    @property
+    def about_probability(self) -> str:
+        """What its probability is of, or why there is none."""
         known = self.event.calibration
-        return [_NOT_CALIBRATED if known is None else known.note, *map(_spot_note, self.spots)]
+        return _NOT_CALIBRATED if known is None else known.note
+
+    @property
+    def about_spots(self) -> list[str]:
+        """Who was where the search speaks of, and when."""
+        return [_spot_note(spot) for spot in self.spots]
 
     def to_dict(self) -> dict[str, Any]:
         """The event as in ``--json``, ``events.json`` and the page: times of day in ISO 8601 (UTC),
@@ -134,7 +144,7 @@ class SearchResult:
     @property
     def about_scores(self) -> list[str]:
         """What is to be said of the probabilities of the best events, once."""
-        return list(dict.fromkeys(found.notes[0] for found in self.shown))
+        return list(dict.fromkeys(found.about_probability for found in self.shown))
 
     @property
     def verdict(self) -> str:

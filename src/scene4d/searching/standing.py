@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from scene4d.core.calibration import Calibration
+from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
 from scene4d.searching._asking import SearchOptions, second_of_day, words_of
 from scene4d.searching._places import Places
@@ -75,6 +76,12 @@ class StandingSearches:
     ) -> None:
         asked = [words_of(words, options, (camera,)) for words in searches]
         self._queries = [query for query, _ in asked]
+        for query in self._queries:
+            if query.activity.spots:
+                raise InputError(
+                    f"{query.text!r}: where another one was is not remembered while watching; "
+                    "search the scene for it"
+                )
         self.placed = [said for said, (_, there) in zip(searches, asked, strict=True) if there.all]
         self._places = Places(tuple({p.name: p for _, ps in asked for p in ps.all}.values()))
         self._options, self._camera, self._calibration = options, camera, calibration

@@ -48,13 +48,16 @@ BESIDE = "near(person, vehicle, tau_m=3.5)"
             "person stands where a vehicle was parked ten minutes ago",
             [
                 "stationary(person)",
-                "near(person, vehicle, lag_s=600)",
-                "stationary(vehicle, lag_s=600)",
+                "near_spot(person, tau_m=2.5, spot=a vehicle was parked ten minutes ago)",
+                "a vehicle was parked ten minutes ago: stationary(vehicle)",
             ],
         ),
         (
             "person is where a vehicle was parked",
-            ["near(person, vehicle, lag_s=inf)", "stationary(vehicle, lag_s=inf)"],
+            [
+                "near_spot(person, tau_m=2.5, spot=a vehicle was parked)",
+                "a vehicle was parked: stationary(vehicle)",
+            ],
         ),
         ("a person is not near anyone", ["alone(person)"]),
         ("two people near each other", ["near(person, person_2)"]),

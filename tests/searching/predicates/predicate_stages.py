@@ -7,6 +7,8 @@ import numpy as np
 from scene4d.core.body import HALPE26
 from scene4d.core.camera import Camera
 from scene4d.core.tracks import Tracks
+from scene4d.searching.predicates._spots import Spots, SpotTable
+from scene4d.searching.predicates._when import When
 from scene4d.searching.predicates.stage import Stage, StageRows
 
 STEP_S = 0.2
@@ -253,3 +255,23 @@ def body_boxes(view: View, path: Path, rng: np.random.Generator | None = None) -
         top, bottom = (v + edge * rng.normal(size=len(path)) for v in (top, bottom))
     left = (foot[:, 0] + head[:, 0]) / 2 - tall / 4
     return np.column_stack([left, top, left + tall / 2, bottom])
+
+
+def with_spots(stage: Stage, name: str, rng: np.random.Generator, n: int = 5) -> Stage:
+    """The stage with spots of others, at any times about its own."""
+    times = stage.tracks.time_s
+    begin_s = rng.uniform(times.min() - 5, times.max() + 5, n)
+    table = SpotTable(
+        xy_m=rng.normal(size=(n, 2)),
+        covariance_m2=np.tile(0.1 * np.eye(2), (n, 1, 1)),
+        begin_s=begin_s,
+        end_s=begin_s + rng.uniform(0, 3, n),
+        clock=np.zeros(n, int),
+        frame=np.zeros(n, int),
+        run=np.zeros(n, int),
+        track=np.arange(n) % 3 + 1,
+        score=rng.uniform(0.1, 1, n),
+    )
+    span_s = (float(times.min()), float(times.max()))
+    spots = Spots(table, When(), run=0, start_s=0.0, span_s=span_s, factor=stage.camera_factor)
+    return replace(stage, spots={name: spots})

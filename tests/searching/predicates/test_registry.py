@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from predicate_stages import Path, rows_of, stage_of
+from predicate_stages import Path, rows_of, stage_of, with_spots
 
 from scene4d.core.camera import Camera
 from scene4d.core.tracks import Tracks
@@ -20,10 +20,10 @@ NAMES = {
     "u_turning", "appears_from", "disappears_into", "stooping", "crowded",
     "together", "between", "alone", "staying",
     "longer_than", "taller_than", "at_entrance", "beside",
-    "arrived", "departs",
+    "arrived", "departs", "near_spot", "present",
 }  # fmt: skip
-UNITS = {"m", "s", "m/s", "rad", "", "zone", "line", "side"}
-GIVEN = {"zone": "yard", "line": "gate"}
+UNITS = {"m", "s", "m/s", "rad", "", "zone", "line", "spot", "side"}
+GIVEN = {"zone": "yard", "line": "gate", "spot": "was"}
 CAMERA = Camera.from_pose(
     image_size=(1280, 720), focal_px=900.0, tilt_rad=0.4, roll_rad=0.02, height_m=6.0
 )
@@ -49,7 +49,7 @@ def test_parameters_are_those_of_the_function(name):
         if isinstance(parameter.default, float):
             assert parameter.low <= parameter.default <= parameter.high
         else:
-            assert parameter.unit in ("zone", "line", "side")
+            assert parameter.unit in ("zone", "line", "spot", "side")
     assert predicate.function.__doc__
     assert "P(" in predicate.function.__doc__
 
@@ -90,6 +90,7 @@ def test_every_predicate_is_a_probability_or_unknown_of_its_own_row(some, data):
     places = data.draw(st.sampled_from(["zones", "lines"]))
     stage = stage_of(*some, **{places: {"yard" if places == "zones" else "gate": SQUARE}})
     stage = replace(stage, camera=data.draw(st.sampled_from([None, CAMERA])))
+    stage = with_spots(stage, "was", np.random.default_rng(len(stage.tracks)))
     n = len(stage.tracks)
     index = st.lists(st.integers(0, n - 1), max_size=10)
     first = np.array(data.draw(index), int)
@@ -135,6 +136,7 @@ def test_a_predicate_that_looks_at_keypoints_says_so(name, monkeypatch):
         keypoint_uv=np.full((n, 26, 2), 20.0),
     )
     world = stage_of(path, path, zones={"yard": SQUARE}, lines={"gate": SQUARE})
+    world = with_spots(world, "was", np.random.default_rng(0))
     columns = {f.name: getattr(world.tracks, f.name) for f in fields(world.tracks)}
     world = replace(world, tracks=_WithoutBodies(**columns))
     monkeypatch.setattr(_WithoutBodies, "guarded", True)
@@ -151,11 +153,11 @@ def test_a_predicate_that_looks_at_keypoints_says_so(name, monkeypatch):
 def test_of_no_rows_come_no_values():
     stage = stage_of(*[Path(np.zeros(1), np.zeros((1, 2)), np.zeros((1, 2)))] * 2)
     nothing = stage.rows(np.array([], int))
-    for name in NAMES - {"inside", "crosses"}:
+    for name in NAMES - {"inside", "crosses", "near_spot"}:
         predicate = PREDICATES[name]
         assert predicate.function(*[nothing] * predicate.arity).shape == (0,)
     for empty in (stage_of(), replace(stage_of(), camera=CAMERA)):
-        for name in NAMES - {"inside", "crosses"}:
+        for name in NAMES - {"inside", "crosses", "near_spot"}:
             predicate = PREDICATES[name]
             roles = [empty.rows(np.array([], int))] * predicate.arity
             assert predicate.function(*roles).shape == (0,)

@@ -26,9 +26,9 @@ class Event:
 
     Seconds count from the clip's start. ``roles`` maps each role to its track; ``why`` each
     predicate, as ``phase: predicate(role, ...)``, to what it contributed: the score is the product
-    of these, a NaN (nothing could be judged: no keypoints, say) counting one half. ``state_s`` is
-    from when to when the activity's state lasted, or what it led to; ``calibration`` that of the
-    activity's scores, where there is one.
+    of these, a NaN (nothing could be judged: no keypoints, say) counting one half. ``phases_s`` is
+    from when to when each phase lasted; ``calibration`` that of the activity's scores, where there
+    is one.
     """
 
     activity: str
@@ -38,7 +38,7 @@ class Event:
     end_s: float
     roles: Mapping[str, int]
     why: Mapping[str, float]
-    state_s: tuple[float, float] = (0.0, 0.0)
+    phases_s: tuple[tuple[float, float], ...] = ()
     calibration: ScoreCalibration | None = None
 
     @property
@@ -80,6 +80,7 @@ def found_event(
     numbers = stage.tracks.track[stage.first_row]
     base = next(rows for view, rows in casts.rows.items() if view[1] == 0)
     begin_s, end_s = _span_s(activity, aligned, stage.tracks.time_s, base)
+    time_s = stage.tracks.time_s[base]
     event = Event(
         activity.name,
         score,
@@ -88,21 +89,10 @@ def found_event(
         end_s,
         {role.name: int(numbers[at]) for role, at in zip(activity.roles, who, strict=True)},
         why,
-        _state_s(activity, aligned, stage.tracks.time_s[base]),
+        tuple((float(time_s[first]), float(time_s[last])) for first, last in aligned.whole),
     )
     place = stage.tracks.xy_m[base[aligned.core[-1][1]]]
     return Found(event, int(who[0]), tuple(int(at) for at in who[1:]), place)
-
-
-def _state_s(
-    activity: Activity, aligned: Aligned, time_s: Float[np.ndarray, "m"]
-) -> tuple[float, float]:
-    """From when to when the state of an activity lasted, or what it led to; else all of it."""
-    names = [phase.name for phase in activity.phases]
-    ends = (aligned.begin, aligned.end)
-    if activity.state or activity.after:
-        ends = aligned.whole[names.index(activity.state) if activity.state else -1]
-    return float(time_s[ends[0]]), float(time_s[ends[1]])
 
 
 def _span_s(

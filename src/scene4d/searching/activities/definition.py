@@ -63,12 +63,15 @@ class Relation:
 
 @dataclass(frozen=True)
 class Spot:
-    """Where and when another one was: what the role ``doer`` of an ``activity`` did."""
+    """Where and when another one was: what the role ``doer`` of an ``activity`` did in one
+    ``phase`` of it, or in all (None).
+    """
 
     name: str
     activity: "Activity"
     doer: str
     when: When
+    phase: str | None = None
 
 
 @dataclass(frozen=True)
@@ -96,3 +99,8 @@ class Activity:
     def terms(self) -> tuple[Term, ...]:
         """The terms of all phases."""
         return tuple(term for phase in self.phases for term in phase.terms)
+
+    @property
+    def every_term(self) -> tuple[Term, ...]:
+        """Those, and the terms of what others did at its spots."""
+        return (*self.terms, *(term for spot in self.spots for term in spot.activity.terms))

@@ -72,7 +72,9 @@ def parse_query(
     activity = _activity(piece, discourse, text, catalogue)
     check_activity(activity, PREDICATES)
     window = _window_of(sentence.clocks, discourse, notes)
-    terms = [term_text(term) for phase in activity.phases for term in phase.terms]
+    terms = [term_text(term) for term in activity.terms]
+    for spot in activity.spots:
+        terms += [f"{spot.name}: {term_text(term)}" for term in spot.activity.terms]
     notes = [*discourse.notes, *notes]
     return Query(text, activity, terms, window, notes)
 

@@ -20,6 +20,8 @@ from scene4d.searching.language._sentences import (
 )
 from scene4d.searching.predicates._when import When
 
+_ENDS = ("appears", "appears_from", "disappears", "disappears_into")
+"""Predicates of a moment, which has a place."""
 _Read = Callable[[Clause, Discourse], Piece]
 
 
@@ -53,10 +55,12 @@ def _named(said: Said, spot: SpotSaid, clause: Clause, discourse: Discourse, rea
     piece = _done_there(replace(spot, noun=noun), there, read)
     name = re.sub(r"[\s(),=]+", " ", re.sub(r"^\w+\s", "", words)).strip()
     doer = there.subject[0]
-    made = Activity(name, there.roles(), piece.phases, piece.relations, state=_state(spot, piece))
+    made = Activity(name, there.roles(), piece.phases, piece.relations)
     for note in there.notes:
         discourse.note(note)
-    discourse.add_spot(Spot(name, made, doer, spot.when), there.people[doer].kind)
+    discourse.add_spot(
+        Spot(name, made, doer, spot.when, _phase(spot, piece)), there.people[doer].kind
+    )
     return replace(said, values={**said.values, "spot": name})
 
 
@@ -70,13 +74,18 @@ def _done_there(spot: SpotSaid, there: Discourse, read: _Read) -> Piece:
     return state((Term("present", (name,)),), Lasting(None, None, spot.span), False, there)
 
 
-def _state(spot: SpotSaid, piece: Piece) -> str:
-    """The phase in which another one was where is asked for; none: all of it."""
+def _phase(spot: SpotSaid, piece: Piece) -> str | None:
+    """The phase in which another one was where is asked for: that in which he appears or is gone,
+    the state that the activity names or leads to, else the last; none: all of it.
+    """
+    for phase in piece.phases:
+        if any(term.predicate in _ENDS for term in phase.terms):
+            return phase.name
     for option in options_of(spot.core):
         for spoken in option.meant if isinstance(option, Done) else ():
             activity = spoken.activity
             if activity.name == piece.name:
-                return activity.state or (piece.phases[-1].name if activity.after else "")
+                return activity.state or (piece.phases[-1].name if activity.after else None)
     return piece.phases[-1].name
 
 

@@ -22,6 +22,7 @@ _STILL_PX = 150
 
 def write_page(result: SearchResult, out: Path, progress: Progress, command: str | None) -> Path:
     """Write the page and ``events.json`` into a folder; see :meth:`SearchResult.save`."""
+    result.explain()
     with timed(result.timings, "pictures"), progress.stage("Cutting out clips", None):
         clips = clips_of(result)
     with timed(result.timings, "page"), progress.stage("Writing the page", None):
@@ -85,6 +86,7 @@ def _card(
         **found.to_dict(),
         "number": number,
         "when": found.when,
+        "about": found.about_spots,
         "mean": found.event.mean_score,
         "players": [(role, track, colours[role]) for role, track in found.event.roles.items()],
         "plan": plan_svg(found, result.asked.places),

@@ -36,7 +36,8 @@ def plan_svg(found: FoundEvent, places: Places) -> str | None:
     """The plan; None where no role has a position.
 
     A role's path is a line in its colour, dotted before and after the event; dots count seconds
-    since the event began, a square stands still. Others are grey, zones and lines dashed.
+    since the event began, a square stands still. Others are grey, zones and lines dashed; a cross
+    in a dashed circle is where another one was.
     """
     around, event = found.around, found.event
     if around is None:
@@ -50,6 +51,8 @@ def plan_svg(found: FoundEvent, places: Places) -> str | None:
     for kind in ("zone", "line"):
         for name, points in places.of(found.run.camera, kind).items():
             drawn.place(name, np.vstack([points, points[:1]]) if kind == "zone" else points)
+    for spot in found.spots:
+        drawn.spot(spot.name, np.array(spot.xy_m), spot.tau_m)
     others = around.select(during & ~playing)
     for number in np.unique(others.track):
         drawn.path(others.xy_m[others.track == number], "#8a929c", 1.2)
@@ -119,6 +122,17 @@ class _Drawing:
         self.path(points, "currentColor", 1.2, 'stroke-dasharray="5 3"')
         (x, y), *_ = self._pixels(points[:1])
         self._inside.append(_text(x + 3, y - 3, name))
+
+    def spot(self, name: str, middle: Float[np.ndarray, "2"], radius_m: float) -> None:
+        """Where another one was, and how near to it is asked for."""
+        ((x, y),) = self._pixels(middle[None])
+        self._inside.append(
+            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius_m * self._scale:.1f}" fill="none" '
+            'stroke="currentColor" stroke-dasharray="2 3"/>'
+            f'<path d="M{x - 4:.1f} {y - 4:.1f}l8 8m0 -8l-8 8" stroke="currentColor" '
+            'stroke-width="2"/>'
+        )
+        self._inside.append(_text(x, y + 18, name, "middle"))
 
     def role(self, rows: Tracks, begin_s: float, end_s: float, colour: str) -> None:
         """The path of a role, with seconds since the event began."""

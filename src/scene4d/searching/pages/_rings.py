@@ -15,6 +15,8 @@ from scene4d.searching.result import FoundEvent
 from scene4d.searching.stages import stage_of
 
 _TURN = np.linspace(0, 2 * np.pi, 97)
+_CROSS_M = 0.25 * np.array([[[-1.0, -1], [1, 1]], [[-1, 1], [1, -1]]])
+"""The mark in the middle of a spot."""
 _LEAST = 0.05
 """Who is near with less than this is outside without a number, unless it takes part."""
 
@@ -32,7 +34,9 @@ class Ring:
 
 
 class Rings:
-    """The rings of an event: one for each role that another one has to be near to."""
+    """The rings of an event: one for each role that another one has to be near to, and one for
+    each spot where somebody else was.
+    """
 
     def __init__(self, found: FoundEvent, activity: Activity, calibration: Calibration) -> None:
         self._found, self._calibration = found, calibration
@@ -49,6 +53,11 @@ class Rings:
             ring = None if self._stage is None else self._ring(self._stage, role, term, frame)
             if ring is not None:
                 yield ring
+        for spot in self._found.spots if self._calibration.camera is not None else ():
+            middle, gap = np.array(spot.xy_m), np.full((1, 2), np.nan)
+            outline = [_circle(middle, spot.tau_m), gap, middle + _CROSS_M[0], gap]
+            outline = self._seen(np.vstack([*outline, middle + _CROSS_M[1]]))
+            yield Ring(spot.role, outline, np.zeros((0, 2)), np.zeros(0))
 
     def _ring(self, stage: Stage, role: str, term: Term, frame: int) -> Ring | None:
         tracks = stage.tracks
@@ -64,14 +73,18 @@ class Rings:
         middle = np.repeat(about[:1], len(others))
         p = near(stage.rows(others), stage.rows(middle), **_amounts(term))
         told = (p >= _LEAST) | (tracks.track[others] == like)
-        circle = tracks.xy_m[about[0]] + _amounts(term)["tau_m"] * np.stack(
-            [np.cos(_TURN), np.sin(_TURN)], axis=1
-        )
+        circle = _circle(tracks.xy_m[about[0]], _amounts(term)["tau_m"])
         return Ring(role, self._seen(circle), self._seen(tracks.xy_m[others[told]]), p[told])
 
     def _seen(self, xy_m: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-        uv, visible = self._calibration.ground_pixels(xy_m)
+        known = np.isfinite(xy_m).all(axis=1)
+        uv, visible = self._calibration.ground_pixels(np.where(known[:, None], xy_m, 0.0))
+        visible &= known
         return np.where(visible[:, None], uv, np.nan)
+
+
+def _circle(middle: Float[np.ndarray, "2"], radius_m: float) -> Float[np.ndarray, "k 2"]:
+    return middle + radius_m * np.stack([np.cos(_TURN), np.sin(_TURN)], axis=1)
 
 
 def _amounts(term: Term) -> dict[str, float]:

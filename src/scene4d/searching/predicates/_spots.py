@@ -91,16 +91,15 @@ class Spots:
         )
         return p, at
 
-    def _reach_m(self, a: StageRows, tau_m: float, sigma_m: float) -> float:
-        """Distance beyond which P(near) is below 0.01."""
-        variance = [
-            np.fmax.reduce(one[:, 0, 0] + one[:, 1, 1], initial=0.0)
-            for one in (a.covariance_m2, self.table.covariance_m2)
-        ]
-        spread_m = min(float(np.sqrt(sum(variance))), MOST_SPREAD_M)
-        return tau_m + BOUND_SIGMA * float(np.hypot(sigma_m, spread_m))
+    def _reach_m(self, a: StageRows, tau_m: float, sigma_m: float) -> Float[np.ndarray, "m"]:
+        """Distances beyond which P(near) is below 0.01."""
+        own, theirs = (
+            one[:, 0, 0] + one[:, 1, 1] for one in (a.covariance_m2, self.table.covariance_m2)
+        )
+        spread_m = np.fmin(np.sqrt(own + theirs.max(initial=0.0)), MOST_SPREAD_M)
+        return np.asarray(tau_m + BOUND_SIGMA * np.hypot(sigma_m, spread_m))
 
-    def _nearest(self, a: StageRows, reach_m: float) -> Int[np.ndarray, "m"]:
+    def _nearest(self, a: StageRows, reach_m: Float[np.ndarray, "m"]) -> Int[np.ndarray, "m"]:
         """The nearest spot that fits, for each row; -1 where there is none within reach."""
         found = np.full(len(a), -1)
         apart = np.full(len(a), np.inf)
@@ -130,7 +129,7 @@ class Spots:
                 if step == len(spots):
                     break
                 # Where none fits, one that is further away may.
-                further = away_m[used, -1] <= reach_m + _CELL_M
+                further = away_m[used, -1] <= reach_m[here[left]] + _CELL_M
                 left = left[further & ~np.isfinite(apart[here[left]])]
                 step = min(4 * step, len(spots))
         return found
