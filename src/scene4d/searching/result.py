@@ -105,7 +105,7 @@ class FoundEvent:
             "roles": dict(event.roles),
             "why": {key: None if math.isnan(p) else p for key, p in event.why.items()},
             "notes": self.notes,
-            "spots": [_spot_dict(spot) for spot in self.spots],
+            **({"spots": [_spot_dict(spot) for spot in self.spots]} if self.spots else {}),
             **(self.across or {}),
         }
 
