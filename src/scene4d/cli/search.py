@@ -136,8 +136,8 @@ def search(
             _show_understood(one)
     with output_folder(out), job.progress() as progress:
         done = [answer(one, progress) for one in asked]
-        for one in done if explain else ():
-            one.explain()
+        for result in done if explain else ():
+            result.explain()
         if out is not None:
             done[0].save(out, command=command_line(), progress=progress)
         if actev is not None:

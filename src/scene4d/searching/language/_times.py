@@ -123,6 +123,7 @@ class TimeReader(Transformer):
 
     def when_between(self, meta: Any, children: list) -> When:
         lasting = self.lasts_between(meta, children)
+        assert lasting.least is not None and lasting.most is not None
         return When(lasting.least, lasting.most, _is_later(children))
 
     def when_about(self, meta: Any, children: list) -> When:

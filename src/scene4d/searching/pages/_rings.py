@@ -55,9 +55,9 @@ class Rings:
                 yield ring
         for spot in self._found.spots if self._calibration.camera is not None else ():
             middle, gap = np.array(spot.xy_m), np.full((1, 2), np.nan)
-            outline = [_circle(middle, spot.tau_m), gap, middle + _CROSS_M[0], gap]
-            outline = self._seen(np.vstack([*outline, middle + _CROSS_M[1]]))
-            yield Ring(spot.role, outline, np.zeros((0, 2)), np.zeros(0))
+            around = _circle(middle, spot.tau_m)
+            outline = np.vstack([around, gap, middle + _CROSS_M[0], gap, middle + _CROSS_M[1]])
+            yield Ring(spot.role, self._seen(outline), np.zeros((0, 2)), np.zeros(0))
 
     def _ring(self, stage: Stage, role: str, term: Term, frame: int) -> Ring | None:
         tracks = stage.tracks
