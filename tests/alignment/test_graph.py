@@ -36,7 +36,7 @@ def test_a_wrong_pair_is_thrown_out_of_the_loop(street):
     step = np.zeros(len(factor.at))
     step[:4] = 6.0, -4.0, 1.0, 9.0
     moved = replace(factor, at=factor.at + step, vector=factor.vector + factor.information @ step)
-    solution = solve(seen, [*links[:2], replace(links[2], factor=moved)])
+    solution = solve(seen, [*links[:2], replace(links[2], factor=moved, found=())])
     assert len(solution.rejected) == 1
     assert "contradicts" in solution.rejected[0][1]
     right = solve(seen, links[:2])

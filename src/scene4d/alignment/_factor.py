@@ -17,7 +17,15 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import solve_triangular
 
-from scene4d.alignment._paths import MODES, STEP_S, View, error_modes, interpolated
+from scene4d.alignment._paths import (
+    MODES,
+    STEP_S,
+    View,
+    corrected,
+    error_modes,
+    interpolated,
+    regrounded_points,
+)
 from scene4d.alignment._score import Fit, Matching, Meetings
 
 POSE = 5
@@ -25,8 +33,12 @@ POSE = 5
 DRIFT_SIGMA = 3e-4
 """Prior of the clocks' difference in rate: frame rates are rounded and crystals err (chosen: 29.97
 for 30 is found as three sigma, two crystals are 5e-5)."""
-_WANDER_M = 0.17
-"""Standard deviation of what a track's positions in two cameras differ by for seconds (m)."""
+_WANDERS_M = (0.06, 0.09, 0.13, 0.18, 0.25, 0.35)
+_WANDER_M, _WANDER_SPREAD = 0.17, 0.5
+"""Standard deviation of what a track's positions in two cameras differ by for seconds (m): of those
+tried, the most probable by what the pair's matches show, from a prior around the middle (m, and the
+spread of its logarithm). Chosen: 0.06 m is what one stride does, 0.35 m half a body.
+"""
 _WANDER_S = 5.0
 """How long that stays (s). Both chosen: about one turn of a walker as two cameras see him."""
 _JITTER_M = 0.08
@@ -50,7 +62,7 @@ class Factor:
 
     ``matches`` went into it; ``noise`` is the variance between them over what was assumed, of which
     the information already takes account if it is above 1. ``epoch_s`` is the time on the clock of
-    camera a at which the offset holds.
+    camera a at which the offset holds, ``wander_m`` what tracks err by for seconds.
     """
 
     information: Float[np.ndarray, "p p"]
@@ -59,6 +71,7 @@ class Factor:
     matches: int
     noise: float
     epoch_s: float
+    wander_m: float
 
     @property
     def prior(self) -> Float[np.ndarray, "p p"]:
@@ -149,18 +162,57 @@ def factor_of(a: View, b: View, found: list[Match], fit: Fit) -> Factor:
     point = np.concatenate([[x, y, heading, offset, 0.0], np.zeros(2 * MODES)])
     epoch = float(np.mean([match.time_s.mean() for match in found]))
     pieces = _Pieces(b)
+    point = _settled(a, pieces, found, point, epoch, _WANDER_M)
+    wander_m = _wander(a, pieces, found, point, epoch)
+    point = _settled(a, pieces, found, point, epoch, wander_m)
+    return _factor(a, pieces, found, point, epoch, wander_m)
+
+
+def relinearised(
+    a: View, b: View, found: list[Match], factor: Factor, point: Float[np.ndarray, "p"]
+) -> Factor:
+    """The factor of the same matches at another point."""
+    return _factor(a, _Pieces(b), found, point, factor.epoch_s, factor.wander_m)
+
+
+def _settled(
+    a: View, pieces: _Pieces, found: list[Match], point: np.ndarray, epoch: float, wander_m: float
+) -> np.ndarray:
+    """The most probable point, from one nearby."""
     for _ in range(_STEPS):
-        factor = _factor(a, pieces, found, point, epoch)
-        moved = factor.alone()[0] - point
+        moved = _factor(a, pieces, found, point, epoch, wander_m).alone()[0] - point
         moved[3] = np.clip(moved[3], -0.5, 0.5)
         point = point + moved
         if np.abs(moved[:POSE]).max() < 1e-4:
             break
-    return _factor(a, pieces, found, point, epoch)
+    return point
+
+
+def _wander(a: View, pieces: _Pieces, found: list[Match], point: np.ndarray, epoch: float) -> float:
+    """The most probable size of what tracks err by for seconds."""
+    moments = pieces.moments(found, point, epoch)
+    step, _, own_a, own_b = _differences(a, pieces.view, moments, point, epoch)
+    tried = np.array(_WANDERS_M)
+    score = -0.5 * (np.log(tried / _WANDER_M) / _WANDER_SPREAD) ** 2
+    for rows in _by_match(moments):
+        r, facts = step[rows].ravel(), 2.0 * len(rows)
+        for k, wander_m in enumerate(tried):
+            root = _root(own_a[rows], own_b[rows], moments.time_s[rows], wander_m)
+            white = solve_triangular(root, r, lower=True, check_finite=False)
+            # Student's t over the whole match: a mistaken one says nothing of the others.
+            spread = np.log1p(float(white @ white) / _FREEDOM) * (_FREEDOM + facts) / 2
+            score[k] -= spread + np.log(np.diag(root)).sum()
+    return float(tried[np.argmax(score)])
+
+
+def _by_match(moments: "_Moments") -> list[np.ndarray]:
+    """Rows of every match that has any."""
+    cuts = np.flatnonzero(np.diff(moments.match)) + 1
+    return [rows for rows in np.split(np.arange(len(moments.match)), cuts) if len(rows)]
 
 
 def _factor(
-    a: View, pieces: _Pieces, found: list[Match], point: np.ndarray, epoch: float
+    a: View, pieces: _Pieces, found: list[Match], point: np.ndarray, epoch: float, wander_m: float
 ) -> Factor:
     """The factor linearised at a point."""
     size = len(point)
@@ -168,10 +220,8 @@ def _factor(
     forces = []
     moments = pieces.moments(found, point, epoch)
     step, slopes, own_a, own_b = _differences(a, pieces.view, moments, point, epoch)
-    for rows in np.split(np.arange(len(step)), np.flatnonzero(np.diff(moments.match)) + 1):
-        if not len(rows):
-            continue
-        root = _root(own_a[rows], own_b[rows], moments.time_s[rows])
+    for rows in _by_match(moments):
+        root = _root(own_a[rows], own_b[rows], moments.time_s[rows], wander_m)
         both = np.column_stack([step[rows].ravel(), slopes[rows].reshape(2 * len(rows), size)])
         flat = solve_triangular(root, both, lower=True, check_finite=False)
         white, by = flat[:, 0], flat[:, 1:]
@@ -180,7 +230,7 @@ def _factor(
         information += weight * by.T @ by
         vector += weight * (force + by.T @ (by @ point))
         forces.append(weight * force)
-    factor = Factor(information, vector, point, len(forces), 1.0, epoch)
+    factor = Factor(information, vector, point, len(forces), 1.0, epoch, wander_m)
     noise = _scatter(factor, np.array(forces).reshape(-1, size))
     wide = max(noise, 1.0)
     return replace(factor, information=information / wide, vector=vector / wide, noise=noise)
@@ -210,16 +260,17 @@ def _differences(
     position's own noise in its mode would let a common scale shrink all differences to nothing.
     """
     e_a, e_b = point[POSE : POSE + MODES], point[POSE + MODES :]
-    modes_a, modes_b = a.modes_m[moments.row_a], b.modes_m[moments.row_b]
+    camera_a, camera_b = corrected(a.calibration, e_a), corrected(b.calibration, e_b)
+    seen_a = regrounded_points(a.calibration, camera_a, moments.xy_a)
+    seen_b = regrounded_points(b.calibration, camera_b, moments.xy_b)
     c, s = np.cos(point[2]), np.sin(point[2])
     turn = np.array([[c, -s], [s, c]])
-    for _ in range(2):
-        true_a = moments.xy_a - modes_a @ e_a
-        true_b = (moments.xy_b - modes_b @ e_b) @ turn.T
-        middle = (true_a + true_b + point[:2]) / 2
-        modes_a = error_modes(a.calibration, middle + modes_a @ e_a)
-        modes_b = error_modes(b.calibration, (middle - point[:2]) @ turn + modes_b @ e_b)
-    step = moments.xy_a - modes_a @ e_a - (moments.xy_b - modes_b @ e_b) @ turn.T - point[:2]
+    middle = (seen_a + seen_b @ turn.T + point[:2]) / 2
+    modes_a = error_modes(camera_a, middle)
+    modes_b = error_modes(camera_b, (middle - point[:2]) @ turn)
+    true_a = seen_a - modes_a[:, :, -1] * e_a[-1]
+    true_b = (seen_b - modes_b[:, :, -1] * e_b[-1]) @ turn.T
+    step = true_a - true_b - point[:2]
     lever = middle - point[:2]
     moving = b.velocity_mps[moments.row_b] @ turn.T
     slopes = np.zeros((len(step), 2, len(point)))
@@ -234,12 +285,15 @@ def _differences(
 
 
 def _root(
-    own_a: Float[np.ndarray, "n 2 2"], own_b: Float[np.ndarray, "n 2 2"], time_s: np.ndarray
+    own_a: Float[np.ndarray, "n 2 2"],
+    own_b: Float[np.ndarray, "n 2 2"],
+    time_s: np.ndarray,
+    wander_m: float,
 ) -> Float[np.ndarray, "2*n 2*n"]:
     """Cholesky root of the covariance of a match's differences."""
     n = len(time_s)
     apart = np.abs(time_s[:, None] - time_s[None])
-    alike, wander = np.exp(-apart / _OWN_S), _WANDER_M**2 * np.exp(-apart / _WANDER_S)
+    alike, wander = np.exp(-apart / _OWN_S), wander_m**2 * np.exp(-apart / _WANDER_S)
     full = wander[:, None, :, None] * np.eye(2)[None, :, None, :]
     for own in (own_a, own_b):
         root = np.linalg.cholesky(own + 1e-8 * np.eye(2))

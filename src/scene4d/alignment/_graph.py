@@ -7,23 +7,22 @@ the height of each is an unknown with a prior and none is exact.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.alignment._factor import DRIFT_SIGMA, POSE, Factor
+from scene4d.alignment._factor import DRIFT_SIGMA, POSE, Factor, relinearised
+from scene4d.alignment._loops import chained, consistent, groups_of
 from scene4d.alignment._pairs import Link
 from scene4d.alignment._paths import MODES, View, covariance_root
 from scene4d.core.body import HEIGHT_SIGMA_M, PERSON_HEIGHT_M
 from scene4d.core.calibration import PARAMETERS
 from scene4d.core.placement import Placement
 
-_LOOP_GATE = 23.5
-"""99.99 % of chi-squared with four degrees of freedom: a loop further off holds a wrong pair."""
-_LOOP_FLOOR = np.array([0.05, 0.05, 0.005, 0.03])
-"""What a loop may err by beside what its pairs say (m, m, rad, s): linear errors of cameras."""
 _STEPS = 12
+_RELINEARISED = 2
+"""Times that factors are linearised anew at the site's estimate; a third changed no digit."""
 _DRIFT_SIGMAS = 4.0
 """A drift is stated if it is so many standard deviations from zero."""
 _LEAST_DRIFT = 2e-5
@@ -34,8 +33,8 @@ _LEAST_DRIFT = 2e-5
 class Solution:
     """Where the cameras are in the site, in their order.
 
-    ``placements`` of cameras that no chain of pairs joins to the first one's group are
-    undetermined. ``drift`` is by which fraction a clock runs slower than the site's where that is
+    ``placements`` of cameras that no chain of pairs joins to the largest group are undetermined.
+    ``drift`` is by which fraction a clock runs slower than the site's where that is
     certain, else 0, with ``drift_sigma``. ``errors`` (k,) of each camera are its most probable
     calibration errors in standard deviations of its modes. ``rejected`` are pairs thrown out, with
     the reason. ``groups`` are the cameras that are joined to each other.
@@ -53,18 +52,20 @@ class Solution:
 
 
 def solve(views: Sequence[View], links: Sequence[Link]) -> Solution:
-    """The site of the group that the first camera belongs to, or of the largest one."""
-    used, rejected = _consistent([one for one in links if one])
-    groups = _groups(len(views), used)
-    chosen = max(groups, key=lambda group: (len(group) > 1, 0 in group, len(group)))
+    """The site of the largest group of cameras, in the frame of its first one."""
+    used, rejected = consistent([one for one in links if one])
+    groups = groups_of(len(views), used)
+    chosen = max(groups, key=lambda group: (len(group), -group[0]))
     inside = [one for one in used if one.a in chosen]
     point, covariance, slots = _estimate(views, inside, chosen)
+    for _ in range(_RELINEARISED if len(inside) > 1 else 0):
+        inside = [_relinearised(views, one, point, slots) for one in inside]
+        point, covariance, slots = _estimate(views, inside, chosen)
     placements, drift, drift_sigma = [], np.zeros(len(views)), np.zeros(len(views))
     errors = []
     for camera, view in enumerate(views):
         if camera not in slots:
-            reasons = [one.reason for one in links if not one and camera in (one.a, one.b)]
-            placements.append(Placement.undetermined(_why(reasons)))
+            placements.append(Placement.undetermined(_why(camera, views, links, groups)))
             errors.append(np.zeros(MODES))
             continue
         at = slots[camera]
@@ -85,10 +86,29 @@ def solve(views: Sequence[View], links: Sequence[Link]) -> Solution:
     )
 
 
-def _why(reasons: Sequence[str | None]) -> str:
-    """One reason for all pairs of a camera: the most frequent."""
-    said = [reason for reason in reasons if reason]
-    return max(said, key=said.count) if said else "no other camera is joined to this one"
+def _relinearised(
+    views: Sequence[View], one: Link, point: np.ndarray, slots: dict[int, slice]
+) -> Link:
+    """A pair's factor at the site's estimate: other cameras may have moved it some way."""
+    if one.factor is None or not one.found:
+        return one
+    values, _ = _relative(one.factor, point[slots[one.a]], point[slots[one.b]])
+    a, b = views[one.a], views[one.b]
+    return replace(one, factor=relinearised(a, b, list(one.found), one.factor, values))
+
+
+def _why(
+    camera: int, views: Sequence[View], links: Sequence[Link], groups: Sequence[Sequence[int]]
+) -> str:
+    """Why a camera has no place: the most frequent reason of its pairs, or that only others without
+    a place are joined to it.
+    """
+    group = next(group for group in groups if camera in group)
+    if len(group) > 1:
+        names = ", ".join(views[k].name for k in group if k != camera)
+        return f"only {names} saw the same people, and no camera of the site did"
+    said = [one.reason for one in links if not one and camera in (one.a, one.b) and one.reason]
+    return max(said, key=said.count) if said else "no other camera saw the same people for certain"
 
 
 def _placement(view: View, values: np.ndarray, covariance: np.ndarray) -> Placement:
@@ -114,7 +134,7 @@ def _estimate(
         slots[camera] = slice(size, size + POSE + MODES)
         size = slots[camera].stop
     point = np.zeros(size)
-    for camera, pose in _chained(links, group).items():
+    for camera, pose in chained(links, group).items():
         point[slots[camera]][: POSE - 1] = pose
     drifting = _drifting(views, links, slots, point)
     information = np.zeros((size, size))
@@ -242,138 +262,6 @@ def _relative(factor: Factor, a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray,
     slopes[POSE : POSE + ka, POSE:of_b] = np.eye(ka)
     slopes[POSE + ka :, of_b + POSE :] = np.eye(kb)
     return values, slopes
-
-
-def _consistent(links: Sequence[Link]) -> tuple[list[Link], list[tuple[Link, str]]]:
-    """Pairs that agree around every loop, of as high a total score as can be had, and the others.
-
-    The best pairs come first; each further one must fit what the cameras' chain of pairs already
-    says. Then a pair is dropped if what contradicts it scores more together.
-    """
-    order = sorted(links, key=lambda one: -one.score)
-    kept, out = _grown(order)
-    for suspect in list(kept):
-        others = [one for one in order if one is not suspect]
-        again, left = _grown(others)
-        if sum(one.score for one in again) > sum(one.score for one in kept) + 1e-9:
-            kept, out = again, [*left, suspect]
-    reasons = []
-    for one in out:
-        gap = _gap(one, kept)
-        metres, turn, seconds = (0.0, 0.0, 0.0) if gap is None else gap[1]
-        reasons.append(
-            (
-                one,
-                "its place contradicts that from the other cameras "
-                f"(by {metres:.1f} m, {np.degrees(turn):.0f}°, {seconds:.1f} s)",
-            )
-        )
-    return kept, reasons
-
-
-def _grown(order: Sequence[Link]) -> tuple[list[Link], list[Link]]:
-    kept: list[Link] = []
-    out: list[Link] = []
-    for one in order:
-        gap = _gap(one, kept)
-        (kept if gap is None or gap[0] < _LOOP_GATE else out).append(one)
-    return kept, out
-
-
-def _gap(one: Link, kept: Sequence[Link]) -> tuple[float, tuple[float, float, float]] | None:
-    """How far a pair is from what a chain of others says: chi-squared, and metres, radians and
-    seconds; None without a chain.
-    """
-    chain = _chain(one.a, one.b, kept)
-    if chain is None:
-        return None
-    assert one.factor is not None
-    pose, covariance = _pose_of(one.factor)
-    other, beside = np.zeros(4), np.diag(_LOOP_FLOOR**2)
-    for step, forward in chain:
-        assert step.factor is not None
-        value, spread = _pose_of(step.factor)
-        if not forward:
-            value, spread = _turned_back(value, spread)
-        other, beside = _appended(other, beside, value, spread)
-    apart = pose - other
-    apart[2] = np.angle(np.exp(1j * apart[2]))
-    q = float(apart @ np.linalg.solve(covariance + beside, apart))
-    return q, (float(np.hypot(*apart[:2])), float(abs(apart[2])), float(abs(apart[3])))
-
-
-def _pose_of(factor: Factor) -> tuple[np.ndarray, np.ndarray]:
-    values, covariance = factor.alone()
-    pose = values[:4].copy()
-    pose[3] -= values[4] * factor.epoch_s
-    slopes = np.zeros((4, len(values)))
-    slopes[:, :4] = np.eye(4)
-    slopes[3, 4] = -factor.epoch_s
-    return pose, slopes @ covariance @ slopes.T
-
-
-def _appended(
-    pose: np.ndarray, spread: np.ndarray, step: np.ndarray, own: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """A pose, and one given in its frame, as one; the two err independently."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    turn = np.eye(4)
-    turn[:2, :2] = [[c, -s], [s, c]]
-    moved = turn @ step
-    by_pose = np.eye(4)
-    by_pose[:2, 2] = -moved[1], moved[0]
-    return pose + moved, by_pose @ spread @ by_pose.T + turn @ own @ turn.T
-
-
-def _turned_back(pose: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first camera in the frame of the second."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    back = -np.eye(4)
-    back[:2, :2] = -np.array([[c, s], [-s, c]])
-    value = back @ pose
-    slopes = back.copy()
-    slopes[:2, 2] = value[1], -value[0]
-    return value, slopes @ spread @ slopes.T
-
-
-def _chain(a: int, b: int, links: Sequence[Link]) -> list[tuple[Link, bool]] | None:
-    """The shortest chain of pairs from camera a to camera b, each with whether it runs forward."""
-    reached: dict[int, list[tuple[Link, bool]]] = {a: []}
-    front = [a]
-    while front and b not in reached:
-        after = []
-        for here in front:
-            for one in links:
-                for start, stop, forward in ((one.a, one.b, True), (one.b, one.a, False)):
-                    if start == here and stop not in reached:
-                        reached[stop] = [*reached[here], (one, forward)]
-                        after.append(stop)
-        front = after
-    return reached.get(b)
-
-
-def _chained(links: Sequence[Link], group: Sequence[int]) -> dict[int, np.ndarray]:
-    """First poses of a group's cameras (x, y, heading, offset) along chains of pairs."""
-    poses = {}
-    for camera in group:
-        pose, spread = np.zeros(4), np.zeros((4, 4))
-        for step, forward in _chain(group[0], camera, links) or []:
-            assert step.factor is not None
-            value, own = _pose_of(step.factor)
-            if not forward:
-                value, own = _turned_back(value, own)
-            pose, spread = _appended(pose, spread, value, own)
-        poses[camera] = pose
-    return poses
-
-
-def _groups(count: int, links: Sequence[Link]) -> list[list[int]]:
-    """Cameras that are joined, each group in order."""
-    group = list(range(count))
-    for one in links:
-        old, new = group[one.a], group[one.b]
-        group = [new if number == old else number for number in group]
-    return [[c for c in range(count) if group[c] == number] for number in sorted(set(group))]
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:

@@ -2,8 +2,7 @@
 
 The site's estimate has the errors of every camera among its unknowns, with the camera's own
 covariance as their prior (:mod:`_graph`). Most probable errors are taken off the camera, and their
-covariance is that of the new one. One linear step: errors are some standard deviations, within
-which the ground moves in proportion (tests/alignment/test_joint.py compares with true cameras).
+covariance is that of the new one (tests/alignment/test_joint.py compares with true cameras).
 """
 
 from collections.abc import Sequence
@@ -13,7 +12,7 @@ import numpy as np
 
 from scene4d.alignment._factor import POSE
 from scene4d.alignment._graph import Solution
-from scene4d.alignment._paths import View, covariance_root
+from scene4d.alignment._paths import View, corrected, covariance_root
 from scene4d.core.calibration import PARAMETERS, Calibration
 from scene4d.core.placement import Placement
 
@@ -55,7 +54,7 @@ def _refined(view: View, solution: Solution, number: int) -> Refined | None:
     covariance = root @ spread @ root.T
     after = replace(
         before,
-        camera=before.camera.disturbed(-root @ errors),
+        camera=corrected(before, solution.errors[number]).camera,
         covariance=(covariance + covariance.T) / 2,
         segments=None,
         inlier=None,
@@ -79,22 +78,31 @@ def _unscaled(solution: Solution, number: int) -> Placement:
 
 
 def _summed_up(found: Calibration, view: View) -> Calibration:
-    """With what its covariance means on the ground where people walked."""
+    """With the errors on the ground that its file states, as changed where people walked."""
+    before = view.calibration
     rows = np.linspace(0, len(view) - 1, min(_SAMPLE, len(view))).astype(int)
-    uv, valid = view.calibration.ground_pixels(view.xy_m[rows])
+    uv, valid = before.ground_pixels(view.xy_m[rows])
     uv = uv[valid]
+    within, whole = (
+        _median_m(found, uv, from_camera) / max(_median_m(before, uv, from_camera), 1e-9)
+        for from_camera in (False, True)
+    )
     return replace(
         found,
-        ground_error_m=_over(found, uv, from_camera=False),
-        ground_error_from_camera_m=_over(found, uv, from_camera=True),
+        ground_error_m=_changed(before.ground_error_m, within),
+        ground_error_from_camera_m=_changed(before.ground_error_from_camera_m, whole),
     )
 
 
-def _over(found: Calibration, uv: np.ndarray, *, from_camera: bool) -> dict[str, float]:
-    """Median and 90th percentile (m) of an error over pixels."""
-    covariance, seen = found.ground_covariance(
-        uv, from_camera=from_camera, aligned_over_uv=None if from_camera else uv
-    )
-    spread = np.sqrt(np.trace(covariance[seen], axis1=1, axis2=2))
-    median, p90 = np.quantile(spread, [0.5, 0.9]).tolist()
-    return {"median": median, "p90": p90}
+def _median_m(found: Calibration, uv: np.ndarray, from_camera: bool) -> float:
+    """Median error over pixels."""
+    over = None if from_camera else uv
+    covariance, seen = found.ground_covariance(uv, from_camera=from_camera, aligned_over_uv=over)
+    return float(np.median(np.sqrt(np.trace(covariance[seen], axis1=1, axis2=2))))
+
+
+def _changed(errors: dict[str, float] | None, share: float) -> dict[str, float] | None:
+    """Errors (m) times a share; how far away they hold stays."""
+    if errors is None:
+        return None
+    return {name: m if name == "out_to_m" else m * share for name, m in errors.items()}

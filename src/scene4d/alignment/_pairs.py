@@ -12,9 +12,10 @@ from scene4d.alignment._score import Crowd, Fit, Meetings, fitted
 
 MAX_OFFSET_S = 300.0
 """Clocks are set to within five minutes of each other, unless it is known better."""
-_FITTED = 10
-"""Candidates of the vote that are moved to their best; more found nothing new on made worlds."""
-_SCANNED = 8_000
+_COMPARED, _FITTED = 40, 6
+"""Candidates of the vote that are compared, and of them those that are moved to their best; more
+found nothing new on made worlds."""
+_SCANNED = 6_000
 """Moments by which candidates are compared before that."""
 _LEAST_SCORE = 10.0
 """Least log-ratio of an alignment: e^10 against the thousands of places that were tried."""
@@ -22,12 +23,17 @@ _ACCIDENT = 1e-3
 """An alignment that accident reaches with a larger probability is refused."""
 _MARGIN = 5.0
 """Log-ratio by which an alignment must beat its rivals."""
-_TAIL = 1.5
-"""Least scale of the tail of accidental scores."""
+_TAIL = 2.0
+"""Least scale of the tail of accidental scores. Made sites without anybody in common: the best
+score less that of the mirror image had a scale of 1.4 (benchmarks.sites)."""
 _EXTREMES = 5
 """Accidental scores that tell that scale."""
 _APART_M, _APART_S = 1.5, 1.5
 """Alignments that put people further apart than this, or at other times, are rivals."""
+_ROUGH = 4.0
+"""Variance with which candidates are compared before they are moved, over that of good fits."""
+_HALF = 0.5
+"""Share of that by which candidates differ before they are moved."""
 _ELSEWHEN_S = 5.0
 """Candidates at an offset so far from the best one's are accidents."""
 _MOST_SIGMA_M, _MOST_SIGMA_RAD, _MOST_SIGMA_S = 1.0, np.radians(12.0), 1.0
@@ -70,12 +76,13 @@ def link(
     real = _candidates(a.paths, b.paths, crowds, offsets_s)
     if not real:
         return Link(*numbers, reason="nobody walks a way that both cameras could have seen")
-    best = real[0]
+    meetings, best = Meetings(*crowds), real[0]
+    if meetings.matching(best).score < _LEAST_SCORE:
+        return Link(*numbers, reason=_NOBODY, score=best.score)
     mirror = b.paths.mirrored()
     decoys = _candidates(a.paths, mirror, (crowds[0], Crowd.of(mirror)), offsets_s)
     chance = _accident(best, real, decoys)
-    meetings = Meetings(*crowds)
-    best = fitted(meetings, best)
+    best = fitted(meetings, best, (1.0, 1.0))
     matching = meetings.matching(best)
     refused = _refusal(best, real, chance, b.paths)
     if refused is None and not matching.pairs:
@@ -106,12 +113,15 @@ def _candidates(
     """Different alignments with their scores, best first."""
     ballot = hypotheses(a, b, offsets_s)
     meetings = Meetings(*crowds, most=_SCANNED)
-    starts = []
+    around = _around(b)
+    voted = []
     for k in range(len(ballot)):
         values = [*ballot.shift_m[k], ballot.heading_rad[k], 0.0, ballot.offset_s[k]]
-        start = Fit(np.array(values, float))
-        starts.append(Fit(start.parameters, meetings.matching(start).score))
-    around = _around(b)
+        voted.append(Fit(np.array(values, float), float(ballot.votes[k])))
+    starts = [
+        Fit(one.parameters, meetings.matching(one, _ROUGH).score)
+        for one in _different(voted, around, _HALF)[:_COMPARED]
+    ]
     starts = _different(starts, around)[:_FITTED]
     return _different([fitted(meetings, start) for start in starts], around)
 
@@ -124,34 +134,34 @@ def _around(paths: Paths) -> Float[np.ndarray, "4 2"]:
     return points
 
 
-def _different(fits: list[Fit], around: Float[np.ndarray, "4 2"]) -> list[Fit]:
+def _different(fits: list[Fit], around: Float[np.ndarray, "4 2"], share: float = 1.0) -> list[Fit]:
     """Best first, without those that say the same as a better one."""
     kept: list[Fit] = []
     for fit in sorted(fits, key=lambda one: -one.score):
-        if all(_apart(fit, other, around) for other in kept):
+        if all(_apart(fit, other, around, share) for other in kept):
             kept.append(fit)
     return kept
 
 
-def _apart(fit: Fit, other: Fit, around: Float[np.ndarray, "4 2"]) -> bool:
-    if abs(fit.parameters[4] - other.parameters[4]) > _APART_S:
+def _apart(fit: Fit, other: Fit, around: Float[np.ndarray, "4 2"], share: float = 1.0) -> bool:
+    """Whether two alignments differ by a share of what makes rivals."""
+    if abs(fit.parameters[4] - other.parameters[4]) > share * _APART_S:
         return True
     step = fit.mapped(around) - other.mapped(around)
-    return float(np.sqrt((step**2).sum(axis=1).mean())) > _APART_M
+    return float(np.sqrt((step**2).sum(axis=1).mean())) > share * _APART_M
 
 
 def _accident(best: Fit, real: list[Fit], decoys: list[Fit]) -> float:
     """Probability that accident alone scores as high.
 
-    What fits the mirror image, or the wrong time, fits by accident. The best of many accidents has
-    a Gumbel distribution, whose scale is the mean excess of the few best over the next.
+    What fits the mirror image, or the wrong time, fits by accident; there is always a place where
+    nobody meets, which scores 0. The best of many accidents has a Gumbel distribution, whose scale
+    is the mean excess of the few best over the next.
     """
     offset = best.parameters[4]
     wrong = [fit.score for fit in decoys]
     wrong += [f.score for f in real[1:] if abs(f.parameters[4] - offset) > _ELSEWHEN_S]
-    if not wrong:
-        return 0.0
-    scores = np.sort(wrong)[::-1][: _EXTREMES + 1]
+    scores = np.sort(np.maximum([*wrong, 0.0], 0.0))[::-1][: _EXTREMES + 1]
     scale = max(_TAIL, float(scores.mean() - scores[-1]))
     return float(-np.expm1(-np.exp(-(best.score - scores[0]) / scale)))
 

@@ -145,6 +145,29 @@ def error_modes(
     return modes
 
 
+def corrected(calibration: Calibration, errors: Float[np.ndarray, "k"]) -> Calibration:
+    """The calibration without these errors, in standard deviations of its :data:`MODES`; the last,
+    which is none of the camera, aside. Its covariance stays.
+    """
+    if calibration.camera is None or not errors[:-1].any():
+        return calibration
+    step = covariance_root(calibration) @ errors[:-1]
+    return replace(calibration, camera=calibration.camera.disturbed(-step))
+
+
+def regrounded_points(
+    before: Calibration, after: Calibration, xy_m: Float[np.ndarray, "n 2"]
+) -> Float[np.ndarray, "n 2"]:
+    """Ground points of one camera where another sees them at the same pixels."""
+    if after is before:
+        return xy_m
+    uv, _ = before.ground_pixels(xy_m)
+    assert after.camera is not None
+    found, valid = after.camera.locate(uv, after.ground_height_m(uv)[0])
+    moved: np.ndarray = np.where(valid[:, None], found, xy_m)
+    return moved
+
+
 def covariance_root(calibration: Calibration) -> Float[np.ndarray, "7 7"]:
     """A root L of the calibration's covariance, L Lᵀ, in order of falling size."""
     size, axes = np.linalg.eigh(calibration.parameter_covariance)

@@ -156,8 +156,10 @@ class Meetings:
         _, pair = np.unique(who, return_inverse=True)
         return i, j, pair, all_a, all_b
 
-    def matching(self, fit: Fit) -> Matching:
-        """The matches of a fit, and its score."""
+    def matching(self, fit: Fit, wide: float = 1.0) -> Matching:
+        """The matches of a fit, and its score; ``wide`` multiplies the variance of distances, for
+        fits that are not yet at their best.
+        """
         offset = fit.parameters[4]
         shift = round(offset / STEP_S)
         i, j, pair, all_a, all_b = self.at(shift)
@@ -173,6 +175,7 @@ class Meetings:
             + _LEFT**2 * (a.shared_m2[i] + b.shared_m2[j])
         )
         common = np.maximum(self.a.own_density[i], self.b.own_density[j])
+        variance = wide * variance
         ratio = -0.5 * (step**2).sum(axis=1) / variance - np.log(2 * np.pi * variance * common)
         worth = np.maximum(self.a.worth[i], self.b.worth[j])
         gain = np.bincount(pair, worth * np.maximum(ratio, _WORST))
@@ -239,22 +242,23 @@ _FIT_SIGMA = np.array([np.inf, np.inf, np.inf, 0.1, np.inf])
 _LONGEST_STEP_S = 1.0
 
 
-def fitted(meetings: Meetings, fit: Fit, steps: int = 3) -> Fit:
+_WIDE = (4.0, 4.0, 2.0, 1.0, 1.0)
+"""Variances of the steps to the best fit: wide first, for what votes say is rough."""
+
+
+def fitted(meetings: Meetings, fit: Fit, wide: tuple[float, ...] = _WIDE) -> Fit:
     """The fit moved to the nearest best one: Gauss-Newton over its matches, matched anew each time.
 
-    Returns the best met on the way, with its score.
+    Returns the better of where it began and where it ended, with its score.
     """
-    best = Fit(fit.parameters, meetings.matching(fit).score)
     here = fit
-    for _ in range(steps):
-        matching = meetings.matching(here)
-        if matching.score > best.score:
-            best = Fit(here.parameters, matching.score)
+    for widen in wide:
+        matching = meetings.matching(here, widen)
         if len(matching.row_a) < 4:
             break
         here = Fit(here.parameters + _step(meetings, here, matching))
-    score = meetings.matching(here).score
-    return Fit(here.parameters, score) if score > best.score else best
+    before, after = meetings.matching(fit).score, meetings.matching(here).score
+    return Fit(here.parameters, after) if after > before else Fit(fit.parameters, before)
 
 
 def _step(meetings: Meetings, fit: Fit, matching: Matching) -> Float[np.ndarray, "5"]:
