@@ -7,7 +7,7 @@ import { marksInPicture } from "./tools.js";
 import { triedCamera } from "./judge.js";
 
 const NEAR_PX = 26;
-const TRAIL_MS = 8000;
+const TRAIL_MS = 4000;
 let view = null;
 let paths = null;
 let scene = null;
@@ -211,7 +211,7 @@ function paintUpright(context, camera, one, now) {
 // Filled: by its own errors. Dashed: with those of the camera, which move everybody alike.
 function paintSigma(context, camera, one) {
   for (const [kind, dashes] of [["whole", [3, 4]], ["own", []]]) {
-    const ring = ellipse(one, one[kind], 48);
+    const ring = ellipse(one, one[kind], 24);
     if (!ring) continue;
     context.lineWidth = 1.5;
     context.setLineDash(dashes);
@@ -219,7 +219,7 @@ function paintSigma(context, camera, one) {
     context.globalAlpha = 0.3;
     if (kind === "own") context.fill();
     context.globalAlpha = 1;
-    halo(context, () => context.stroke(), 1.5);
+    context.stroke();
   }
   context.setLineDash([]);
 }

@@ -7,10 +7,11 @@ import { cornersOf, ellipse } from "./picture.js";
 import { marksOnPlan } from "./tools.js";
 
 const NEAR_PX = 18;
-const TRAIL_MS = 8000;
+const TRAIL_MS = 4000;
 let view = null;
 let paths = null;
 let below = null;
+let heat = null;
 
 export function startPlan() {
   view = new Viewport($("plan"), () => {
@@ -20,6 +21,7 @@ export function startPlan() {
   });
   paths = new Cached(view);
   below = new Cached(view);
+  heat = new Cached(view);
   on("run", () => (world.data.site ? view.changed() : view.reset()));
   on("draw", paintPlan);
   return view;
@@ -42,7 +44,7 @@ function paintPlan() {
   const ready = together(now).map((one) => `${one.viewReady} ${one.areaVersion}`);
   const key = `${state.run} ${state.photo} ${ready} ${look}`;
   below.show(key, (made) => paintGround(made, now));
-  if (layer("heat")) paintHeat(context, now);
+  if (layer("heat")) heat.show(`${state.run} ${now.version} ${now.areaVersion} ${JSON.stringify(state.filter)}`, (made) => paintHeat(made, now));
   if (layer("paths")) paths.show(`${state.run} ${together(now).map((one) => one.version)} ${look} ${JSON.stringify(state.filter)}`, (made) => together(now).forEach((one) => paintPaths(made, one)));
   for (const other of together(now)) {
     const there = other.there();
@@ -155,16 +157,12 @@ function paintCamera(context, { camera, area, said }, current) {
 }
 
 function paintHeat(context, now) {
-  const key = `${now.version} ${JSON.stringify(state.filter)}`;
-  if (now.heatKey !== key) {
-    now.heat = heatMap(now.rows, now.area, passes);
-    now.heatKey = key;
-  }
+  const found = heatMap(now.rows, now.area, passes);
   const [x0, y0, x1, y1] = now.area;
   const [a, b] = onPlan(x0, y1);
   context.imageSmoothingQuality = "high";
-  context.drawImage(now.heat.canvas, a, b, (x1 - x0) * view.scale, (y1 - y0) * view.scale);
-  label(context, `darkest: ${now.heat.most < 10 ? now.heat.most.toFixed(1) : Math.round(now.heat.most)} s per m²`, 30, 26);
+  context.drawImage(found.canvas, a, b, (x1 - x0) * view.scale, (y1 - y0) * view.scale);
+  label(context, `darkest: ${found.most < 10 ? found.most.toFixed(1) : Math.round(found.most)} s per m²`, 30, view.height - 24);
 }
 
 function paintPaths(context, now) {
@@ -248,7 +246,7 @@ function paintOne(context, one) {
 
 function paintSigma(context, one) {
   for (const [kind, dashes] of [["whole", [3, 4]], ["own", []]]) {
-    const ring = ellipse(one, one[kind], 40);
+    const ring = ellipse(one, one[kind], 24);
     if (!ring) continue;
     context.lineWidth = 1.2;
     context.setLineDash(dashes);

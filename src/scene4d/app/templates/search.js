@@ -28,7 +28,7 @@ function gather() {
   const told = now.watched.map((event) => spanned(event, event.activity));
   now.events = [...searched.filter((event) => event.run === now.said.run), ...told].sort((a, b) => a.begin - b.begin);
   const lists = world.searches.map((one, i) => searchList(one, i));
-  if (told.length) lists.push(element("section", {}, element("h3", {}, "Told while watching"), eventList(told)));
+  if (told.length) lists.push(element("section", {}, element("h2", {}, "Told while watching"), eventList(told)));
   $("searches").replaceChildren(...lists);
 }
 
@@ -38,7 +38,7 @@ function searchList(one, number) {
     tell("searches");
   } }, "Forget");
   return element("section", {},
-    element("div", { class: "row" }, element("h3", {}, one.words), remove),
+    element("div", { class: "row" }, element("h2", {}, one.words), remove),
     element("details", {}, element("summary", {}, "Understood as"), ...one.understood.map((line) => element("p", { class: "soft" }, line))),
     element("p", { class: "soft" }, one.verdict),
     ...one.notes.map((line) => element("p", { class: "soft small" }, line)),

@@ -1,22 +1,22 @@
 // The table of tracks: filtered, sorted, and a way to each of them.
 import { $, element, on, passes, run, set, state, tell } from "./state.js";
-import { clock, plusMinus } from "./look.js";
+import { plusMinus } from "./look.js";
 import { seek } from "./clock.js";
 
 const MOST_ROWS = 200;
 const COLUMNS = [
   ["track", "Track", (one) => `${one.class} ${one.track}`],
-  ["begin", "From", (one) => clock(one.begin, run())],
-  ["lasting", "For", (one) => `${((one.end - one.begin) / 1000).toFixed(1)} s`],
-  ["path", "Path", (one) => `${one.path.toFixed(1)} m`],
-  ["speed", "Speed", (one) => (Number.isFinite(one.speed) ? `${one.speed.toFixed(1)} m/s` : "unknown")],
-  ["size", "Height, length", (one) => sizeOf(one)],
+  ["lasting", "Time, s", (one) => ((one.end - one.begin) / 1000).toFixed(1)],
+  ["path", "Path, m", (one) => one.path.toFixed(1)],
+  ["speed", "m/s", (one) => (Number.isFinite(one.speed) ? one.speed.toFixed(1) : "unknown")],
+  ["size", "Size, m", (one) => sizeOf(one)],
 ];
-let sorted = { by: "begin", down: false };
+let sorted = { by: "track", down: false };
 
-export function sizeOf(one) {
-  if (one.kind !== "person" && Number.isFinite(one.length_m)) return `${plusMinus(one.length_m, one.length_sigma_m)}`;
-  return Number.isFinite(one.height_m) ? `${plusMinus(one.height_m, one.height_sigma_m)}` : "unknown";
+// The height of people, the length of vehicles.
+function sizeOf(one) {
+  if (one.kind !== "person" && Number.isFinite(one.length_m)) return plusMinus(one.length_m, one.length_sigma_m, "long");
+  return Number.isFinite(one.height_m) ? plusMinus(one.height_m, one.height_sigma_m, "tall") : "unknown";
 }
 
 export function startTables() {

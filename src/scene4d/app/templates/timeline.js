@@ -127,7 +127,7 @@ function paintCounts(made, now, a, b) {
     for (const kind of KINDS) {
       const tall = counts[kind][i] * high;
       made.fillStyle = colour(kind);
-      made.fillRect((i * size[0]) / bins, y - tall, size[0] / bins + 0.3, tall);
+      made.fillRect(Math.floor((i * size[0]) / bins), y - tall, Math.ceil(size[0] / bins), tall);
       y -= tall;
     }
   }
