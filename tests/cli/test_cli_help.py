@@ -42,6 +42,7 @@ PROMISED = {
     "evaluate virat": "--data --clip --image-size --out --json",
     "evaluate meva": "--data --out --json",
     "evaluate custom": "--camera --reference --points --image-size --out --json",
+    "evaluate site": "--data --site --out --json",
     "export": "--to --out --from --image-size --run --anchor --json",
     "activities": "--catalogue --json",
     "view": "--out --search --zones --footage --no-video --json",

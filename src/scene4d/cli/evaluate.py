@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from scene4d.core.progress import Progress
     from scene4d.evaluation.trials.activities import ActivityEvaluation
     from scene4d.evaluation.trials.outcomes import Evaluation
+    from scene4d.evaluation.trials.sites import SiteEvaluation
 
 evaluate = typer.Typer(
     name="evaluate",
@@ -223,8 +224,44 @@ def meva(
     return _evaluated(job, lambda step: evaluate_meva(data, options, step), out)
 
 
+@command("evaluate site")
+def site(
+    job: Job,
+    *,
+    data: _Data,
+    site: Annotated[
+        Path | None,
+        typer.Option(
+            "--site",
+            metavar="SITE",
+            help="Folder written by align. Default: the site, the scenes or the videos in DIR.",
+            show_default=False,
+        ),
+    ] = None,
+    out: _Out = None,
+) -> Answer:
+    """Compare a site with the true poses of its cameras.
+
+    DIR holds the true cameras, in any known format, each named as its camera or with the same
+    number at the end (0.json for cam0). Without --site a site in DIR is taken; else the scenes
+    there are aligned; else the videos there are calibrated, tracked and aligned, told nothing.
+    offsets.json in DIR gives the seconds to add to each clock; without it the footage is taken as
+    synchronised.
+
+    [bold]Examples[/bold]
+
+      scene4d evaluate site --data lab --site site
+      scene4d evaluate site --data lab --out score --json
+    """
+    from scene4d.evaluation import evaluate_site
+
+    return _evaluated(job, lambda step: evaluate_site(data, site, step), out)
+
+
 def _evaluated(
-    job: Job, work: "Callable[[Progress], Evaluation | ActivityEvaluation]", out: Path | None
+    job: Job,
+    work: "Callable[[Progress], Evaluation | ActivityEvaluation | SiteEvaluation]",
+    out: Path | None,
 ) -> Answer:
     """Evaluate, and write the page if ``out`` is given."""
     from scene4d.cli.scores import show
@@ -241,5 +278,5 @@ def _where(out: Path | None) -> dict[str, str]:
     return {} if out is None else {"out": str(out)}
 
 
-for _command in (pets, towncentre, virat, meva, custom):
+for _command in (pets, towncentre, virat, meva, custom, site):
     evaluate.command(help=reflowed(_command.__doc__))(_command)

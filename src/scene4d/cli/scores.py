@@ -6,18 +6,40 @@ from rich.table import Table
 
 from scene4d.cli.output import screen
 from scene4d.core.body import PERSON_HEIGHT_M
+from scene4d.evaluation.pages._site import COLUMNS, site_facts, site_lines, site_verdict
 from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation
 from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Setting
+from scene4d.evaluation.trials.sites import SiteEvaluation
 
 _CIRCULAR = "circular"
 
 
-def show(found: Evaluation | ActivityEvaluation, out: Path | None) -> None:
+def show(found: Evaluation | ActivityEvaluation | SiteEvaluation, out: Path | None) -> None:
     """Print the table, the notes and the path of the page."""
     if isinstance(found, Evaluation):
         _show_cameras(found, out)
+    elif isinstance(found, SiteEvaluation):
+        _show_site(found, out)
     else:
         _show_activities(found, out)
+
+
+def _show_site(found: SiteEvaluation, out: Path | None) -> None:
+    """Print errors by pair of cameras, and what else was measured."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for name in COLUMNS:
+        table.add_column(name, no_wrap=True)
+    for line in site_lines(found):
+        table.add_row(*line)
+    with screen() as console:
+        console.print(site_verdict(found))
+        console.print()
+        if found.pairs:
+            console.print(table)
+        for fact in site_facts(found):
+            console.print(f"\n{fact}", style="dim")
+        if out is not None:
+            console.print(f"\nReport   {out / 'evaluation.html'}", soft_wrap=True)
 
 
 def _show_cameras(found: Evaluation, out: Path | None) -> None:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
-from matplotlib.patches import Ellipse, Patch, Polygon
+from matplotlib.patches import Ellipse, Polygon
 
 from scene4d.core.camera import Camera
 from scene4d.drawing import style
@@ -18,7 +18,7 @@ from scene4d.drawing.ground import Area
 
 _CAMERAS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's, one for each camera in turn."""
-_ALONE = "#5D6670"
+_ALONE, _TRUE = "#5D6670", "#9B4DFF"
 _Z95 = np.sqrt(5.991)
 """Half axes of a 95 % ellipse in standard deviations: chi-squared with two degrees of freedom."""
 _REACH_M = 30.0
@@ -60,7 +60,7 @@ def draw_site_map(
         if name in covariances:
             _ellipse(axes, camera.centre_m[:2], covariances[name], colour)
     if covariances:
-        handles.append(Patch(fc="none", ec=style.INK, lw=1.0, label="95 % of the position"))
+        handles.append(Line2D([], [], color=style.FAINT, lw=1.4, label="95 % of the position"))
     handles += _draw_ways(axes, ways)
     if true:
         handles.append(_draw_true(axes, true))
@@ -169,7 +169,7 @@ def _draw_true(axes: Axes, true: Mapping[str, Camera]) -> Any:
     for camera in true.values():
         x, y = camera.centre_m[:2]
         ahead = camera.R[2, :2] / max(float(np.hypot(*camera.R[2, :2])), 1e-9)
-        axes.scatter([x], [y], s=90, marker="x", c=style.INK, lw=2.0, zorder=10)
+        axes.scatter([x], [y], s=90, marker="x", c=_TRUE, lw=2.0, zorder=10)
         end = (x, y) + 0.06 * np.ptp(axes.get_xlim()) * ahead
-        axes.plot([x, end[0]], [y, end[1]], color=style.INK, lw=1.4, ls=(0, (3, 2)), zorder=10)
-    return Line2D([], [], ls="", marker="x", ms=8, c=style.INK, mew=2, label="true camera")
+        axes.plot([x, end[0]], [y, end[1]], color=_TRUE, lw=1.4, ls=(0, (3, 2)), zorder=10)
+    return Line2D([], [], ls="", marker="x", ms=8, c=_TRUE, mew=2, label="true camera")

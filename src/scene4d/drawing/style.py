@@ -89,6 +89,8 @@ def _coded(pixels: np.ndarray) -> bytes:
 _MARKERS = {
     "o": '<circle cx="16" cy="9" r="4"',
     "X": '<path d="M12 5 20 13M20 5 12 13"',
+    "x": '<path d="M12 5 20 13M20 5 12 13"',
+    "s": '<rect x="12" y="5" width="8" height="8"',
     "^": '<path d="M11 13 16 5 21 13Z"',
     "v": '<path d="M11 5 16 13 21 5Z"',
     "+": '<path d="M16 4V14M11 9H21"',

@@ -19,17 +19,20 @@ from scene4d.evaluation.trials._cameras import (
     evaluate_virat,
 )
 from scene4d.evaluation.trials.activities import evaluate_meva
+from scene4d.evaluation.trials.sites import SiteEvaluation, evaluate_site
 
 __all__ = [
     "PUBLISHED",
     "CorrespondenceError",
     "EvaluateOptions",
     "Reference",
+    "SiteEvaluation",
     "correspondence_error",
     "evaluate_custom",
     "evaluate_footage",
     "evaluate_meva",
     "evaluate_pets",
+    "evaluate_site",
     "evaluate_towncentre",
     "evaluate_virat",
     "pets",

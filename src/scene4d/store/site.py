@@ -28,7 +28,7 @@ from scene4d.store.fusing import fused
 from scene4d.store.identities import Identities
 from scene4d.store.query import Scene
 from scene4d.store.regrounding import regrounded
-from scene4d.store.runs import Run, camera_identity
+from scene4d.store.runs import Run
 from scene4d.store.schema import with_keypoints
 from scene4d.store.site_file import (
     IDENTITIES_FILE,
@@ -203,9 +203,9 @@ class Site:
         return _inside(tracks, asked.get("within_m"))
 
     def _placed_tracks(self, camera: str, tracks: Tracks) -> Tracks:
-        before = self._scene_calibration(camera)
-        if before is not None and len(tracks):
-            tracks = regrounded(tracks, before, self.calibration(camera))
+        before, after = self.scene_calibration(camera), self.calibration(camera)
+        if before is not after and len(tracks):
+            tracks = regrounded(tracks, before, after)
         return in_site(tracks, self.placed(camera).placement)
 
     def _in_clip(self, moment: Any, shift_s: float) -> float | None:
@@ -221,15 +221,11 @@ class Site:
             moment = (moment - self.start).total_seconds()
         return float(moment) - shift_s
 
-    def _scene_calibration(self, camera: str) -> Calibration | None:
-        """That on whose ground the scene's rows are; None if it is the site's."""
+    def scene_calibration(self, camera: str) -> Calibration:
+        """The calibration on whose ground the scene's rows are, before the site refined it."""
         one = self.placed(camera)
         path = self.scene(camera).camera_file(one.name)
-        if path.samefile(one.camera):
-            return None
-        before, after = Calibration.load(path), self.calibration(camera)
-        same = camera_identity(before.to_dict()) == camera_identity(after.to_dict())
-        return None if same else before
+        return self.calibration(camera) if path.samefile(one.camera) else Calibration.load(path)
 
     def _asked_cameras(self, wanted: Sequence[str] | None) -> tuple[str, ...]:
         if wanted is not None:

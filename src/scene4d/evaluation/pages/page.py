@@ -21,18 +21,20 @@ from scene4d.evaluation.pages._pictures import (
     draw_points,
 )
 from scene4d.evaluation.pages._rings import draw_rings
+from scene4d.evaluation.pages._site import draw_site, render_site
 from scene4d.evaluation.pages._table import table
 from scene4d.evaluation.pages._words import HEADINGS, alternative, caption, paragraphs, verdict
 from scene4d.evaluation.trials.activities import ActivityEvaluation
 from scene4d.evaluation.trials.outcomes import Evaluation
+from scene4d.evaluation.trials.sites import SiteEvaluation
 
-FIGURES: tuple[str, ...] = (*HEADINGS, "det")
+FIGURES: tuple[str, ...] = (*HEADINGS, "det", "site_plan", "site_people")
 """Names of all figures, in the order of the page; those without data are left out."""
 _TITLES = {"pets": "PETS 2009", "towncentre": "TownCentre", "virat": "VIRAT"}
 
 
 def write_evaluation(
-    evaluation: Evaluation | ActivityEvaluation,
+    evaluation: Evaluation | ActivityEvaluation | SiteEvaluation,
     out_dir: str | Path,
     *,
     command: str | None,
@@ -52,6 +54,9 @@ def write_evaluation(
         if isinstance(evaluation, ActivityEvaluation):
             pictures = {"det": draw_det(evaluation)}
             page = render_activities(evaluation, pictures, command=command)
+        elif isinstance(evaluation, SiteEvaluation):
+            pictures = draw_site(evaluation)
+            page = render_site(evaluation, pictures, command=command)
         else:
             pictures = draw_evaluation(evaluation)
             page = render_evaluation(evaluation, pictures, command=command)
