@@ -40,7 +40,7 @@ def watched(kind):
 from scene4d.cli import main
 try:
     from scene4d.perception import _session
-    watched(_session._HalfSession)
+    watched(_session._Vino)
     watched(_session.ort.InferenceSession)
 except (ImportError, AttributeError):
     pass  # an earlier commit

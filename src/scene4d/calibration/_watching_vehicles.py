@@ -24,7 +24,7 @@ _BURST_S, _BURSTS = 2.0, 10
 
 
 def watch_vehicles(
-    footage: "Source", progress: Progress, timings: dict[str, float]
+    footage: "Source", progress: Progress, timings: dict[str, float], device: str
 ) -> Detections | None:
     """Tracked vehicles in bursts of frames; None of a source that has no clock or cannot be read
     again (images, streams). Raises as :func:`perception.weights.fetch_all`.
@@ -34,7 +34,7 @@ def watch_vehicles(
     timeline = footage.timeline
     if timeline is None or not timeline.has_clock:
         return None
-    detector = VehicleDetector.default()
+    detector = VehicleDetector.default(device)
     chosen = burst_frames(timeline)
     parts: list[Detections] = []
     with timed(timings, "vehicles"), progress.stage("Watching vehicles", len(chosen)) as step:

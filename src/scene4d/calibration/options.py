@@ -28,6 +28,8 @@ class CalibrateOptions:
     that the file shows; with ``drop_invalid``, impossible boxes are skipped instead of refusing the
     file. ``image_size`` is needed if there is no footage.
 
+    ``device`` says where the networks of people and vehicles run, as in :class:`TrackOptions`.
+
     Known values: ``person_height_m`` is the mean height of the people, shoes included, and
     ``population_sigma_m`` its standard deviation. ``lens`` (a camera file, or a :class:`Lens`)
     fixes intrinsics and distortion; with ``estimate_focal`` only the distortion. ``orientation`` is
@@ -60,6 +62,7 @@ class CalibrateOptions:
     landmarks: str | Path | Landmarks | None = None
     estimate_focal: bool = False
     frames: int | None = None
+    device: str = "auto"
     seed: int = 0
     drop_invalid: bool = False
     format: str | None = None

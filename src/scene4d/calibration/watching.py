@@ -207,7 +207,7 @@ def watch(
             seen.edges_xyxy = straight_edges(seen.image_bgr, hidden)
     if people is not None and needs_vehicles(seen, options):
         fetch_weights(progress, vehicles=True)
-        found = watch_vehicles(footage, progress, timings)
+        found = watch_vehicles(footage, progress, timings, options.device)
         if found is not None:
             found = found.select(~_nearest_in(found.frame, sampled, elsewhere))
         seen.vehicles = found
@@ -299,7 +299,7 @@ def _people_detector(
     from scene4d.video.sampling import expected_count, sample_frames
 
     fetch_weights(progress)
-    people = PeopleDetector.default()
+    people = PeopleDetector.default(options.device)
     many = expected_count(footage, options.frames)
     if footage.timeline is None or many < 3 * _ROUGH_FRAMES:
         return people

@@ -47,6 +47,16 @@ def detector_option(panel: str) -> Any:
     )
 
 
+def device_option(panel: str) -> Any:
+    """The option ``--device`` of commands that look at footage."""
+    return typer.Option(
+        metavar="NAME",
+        help="Where the networks of people and vehicles run: auto, cpu, cuda and other providers "
+        "of ONNX Runtime, or openvino:cpu, openvino:gpu and other devices of OpenVINO.",
+        rich_help_panel=panel,
+    )
+
+
 def person_height_option(panel: str) -> Any:
     """The option ``--person-height`` of commands that track."""
     return typer.Option(

@@ -9,6 +9,7 @@ import typer
 from scene4d.cli.arguments import (
     annotation_format,
     command_line,
+    device_option,
     parse_image_size,
     parse_person_height,
 )
@@ -102,6 +103,7 @@ def calibrate(
             rich_help_panel=_FOOTAGE,
         ),
     ] = False,
+    device: Annotated[str, device_option(_FOOTAGE)] = "auto",
     person_height: Annotated[
         str,
         typer.Option(
@@ -241,6 +243,7 @@ def calibrate(
         landmarks=landmarks,
         estimate_focal=estimate_focal,
         frames=frames,
+        device=device,
         vehicles=vehicles.value,
         seed=seed,
         drop_invalid=drop_invalid,

@@ -12,6 +12,7 @@ from scene4d.cli.arguments import (
     SCENE,
     annotation_format,
     detector_option,
+    device_option,
     parse_person_height,
     person_height_option,
 )
@@ -59,6 +60,7 @@ def track(
         ),
     ] = 10.0,
     detector: Annotated[str | None, detector_option(_WATCHING)] = None,
+    device: Annotated[str, device_option(_WATCHING)] = "auto",
     fps: Annotated[
         float | None,
         typer.Option(
@@ -136,6 +138,7 @@ def track(
         drop_invalid=drop_invalid,
         format=format_,
         detector=detector,
+        device=device,
     )
     with output_folder(out), job.progress() as progress:
         run = follow_footage(source, camera, out, options, progress=progress)

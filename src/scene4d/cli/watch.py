@@ -16,6 +16,7 @@ from scene4d.cli.arguments import (
     SCENE,
     catalogue_option,
     detector_option,
+    device_option,
     parse_person_height,
     person_height_option,
     zones_option,
@@ -116,6 +117,7 @@ def watch(
     catalogue: Annotated[list[Path] | None, catalogue_option(_ASKED)] = None,
     zones: Annotated[Path | None, zones_option(_ASKED)] = None,
     detector: Annotated[str | None, detector_option(_WATCHING)] = None,
+    device: Annotated[str, device_option(_WATCHING)] = "auto",
     name: Annotated[
         list[str] | None,
         typer.Option(
@@ -151,7 +153,9 @@ def watch(
     from scene4d.tracking import TrackOptions, WatchOptions, watch_several
     from scene4d.tracking import watch as watch_camera
 
-    tracking = TrackOptions(rate_hz=rate, person_height_m=height_m, detector=detector)
+    tracking = TrackOptions(
+        rate_hz=rate, person_height_m=height_m, detector=detector, device=device
+    )
     if alert and not search:
         raise typer.BadParameter("is for the events of --search", param_hint="--alert")
     options = WatchOptions(

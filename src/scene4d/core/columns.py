@@ -1,7 +1,7 @@
 """Tables of arrays with one row per entry."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -18,7 +18,7 @@ class Columns:
 
     def array_names(self) -> Iterator[str]:
         """Names of the fields that are arrays, in order."""
-        return (f.name for f in fields(self) if isinstance(getattr(self, f.name), np.ndarray))
+        return (name for name, value in vars(self).items() if isinstance(value, np.ndarray))
 
     def check_rows(self, what: str) -> None:
         """Raise :class:`InputError` if the arrays differ in length."""

@@ -27,6 +27,7 @@ it was seen last to a twentieth of its length."""
 _TRAVELLED = 0.02
 """The same of the way that a rigid thing came, in longer sides: the error of the optical flow is
 less. Both are chosen by hand."""
+_CROSSING_IOU = 0.1
 _TRUST = 0.5
 """Weight of the box that a look expected, against the one that it found: a detector's boxes jitter
 by 0.02 of their height, and what was followed here is a mean of earlier ones. On PETS 2009, HOTA is
@@ -180,7 +181,9 @@ class Gaze:
         self.known, rows = self._all.once()
         self._held = held[rows]
         late = scene.time_s - self.known.looked_s >= _MOVED_S - _EARLY_S
-        if self._rigid:
+        if not self._rigid:
+            late |= self.known.crossing(_CROSSING_IOU)
+        else:
             late &= self.known.travelled >= _TRAVELLED
         due: np.ndarray = (touched[rows] & (late | ~self._held)) | ~self.known.sure
         return due
@@ -248,7 +251,7 @@ class Gaze:
         new = self._new(found, np.full(len(found.label), number))
         if region.grey is None:
             new.sure[:] = True  # there is nothing to compare it with
-        self._all = self._all.select(self._all.origin != number).joined(new)
+        self._all = Known.joined([self._all.select(self._all.origin != number), new])
 
     def _seen(self, scene: Scene, region: _Region) -> Boxes:
         if isinstance(self._detector, TiledDetector):
@@ -320,7 +323,7 @@ class Gaze:
         for boxes in (fresh.xyxy, known.xyxy[due]):
             if len(boxes) and len(gone):
                 gone |= (sv.box_iou_batch(self._all.xyxy, boxes) > TWICE_IOU).any(axis=1)
-        self._all = self._all.select(~gone).joined(fresh)
+        self._all = Known.joined([self._all.select(~gone), fresh])
         seen = np.zeros(others.shape, bool)
         for box in canvas.part_xyxy:
             seen[scene.copy.cells(box)] = True

@@ -1,10 +1,12 @@
 """Things that a detector saw, as they are known between its looks."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 import supervision as sv
 from jaxtyping import Bool, Float, Int
+
+from scene4d.core.columns import Columns
 
 _SAME_IOU = 0.6
 _OTHER_IOU = 0.3
@@ -15,7 +17,7 @@ TWICE_IOU = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class Known(Columns):
     """Things (n,) where they are now: ``origin`` is the region that shows them, ``looked_s`` when
     they were last looked at and ``seen_xyxy`` where, ``number`` says which is which from frame to
     frame, and ``shift_px`` is the motion since the last frame. ``sure``
@@ -38,24 +40,21 @@ class Known:
         none, box = np.empty(0, np.int64), np.empty((0, 4))
         return cls(box, np.empty(0), none, none, np.empty(0), box, none, box[:, :2], none > 0)
 
-    def __len__(self) -> int:
-        return len(self.score)
-
-    def select(self, rows: np.ndarray) -> "Known":
-        """The given rows, as a mask or as indices."""
-        return Known(*(getattr(self, f.name)[rows] for f in fields(self)))
-
-    def joined(self, other: "Known") -> "Known":
-        """These rows and then others."""
-        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
-        return Known(*(np.concatenate(pair) for pair in pairs))
-
     @property
     def travelled(self) -> Float[np.ndarray, "n"]:
         """How far things came since they were looked at, in longer sides of their boxes."""
         side = (self.xyxy[:, 2:] - self.xyxy[:, :2]).max(axis=1)
         far: np.ndarray = np.abs(self.xyxy - self.seen_xyxy).max(axis=1) / np.maximum(side, 1.0)
         return far
+
+    def crossing(self, iou: float) -> Bool[np.ndarray, "n"]:
+        """What overlaps something else by more than ``iou``: one hides the other."""
+        if not len(self):
+            return np.zeros(0, bool)
+        overlap = sv.box_iou_batch(self.xyxy, self.xyxy)
+        np.fill_diagonal(overlap, 0.0)
+        found: np.ndarray = overlap.max(axis=1) > iou
+        return found
 
     def once(self) -> tuple["Known", Int[np.ndarray, "m"]]:
         """One row (m,) per thing: the newest, of several as new the best; best first."""

@@ -4,6 +4,8 @@ Sources: Lucas and Kanade, "An iterative image registration technique" (1981), i
 Mikolajczyk and Matas, "Forward-backward error" (2010), for the median and for when not to trust it.
 """
 
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -22,22 +24,24 @@ _HELD_SHARE = 1 / 3
 """A thing is held if so many of its points count."""
 
 
-class Motion:
-    """The motion between the last two pictures of a still camera."""
+class Motion(NamedTuple):
+    """The motion between two pictures of a still camera, grey and shrunk by ``scale``; ``before``
+    is None for the first.
+    """
 
-    def __init__(self) -> None:
-        self._before: np.ndarray | None = None
-        self._now: np.ndarray | None = None
-        self._scale = 1.0
+    before: np.ndarray | None
+    now: np.ndarray
+    scale: float
 
-    def add(self, image_bgr: UInt8[np.ndarray, "h w 3"]) -> None:
-        """The next picture."""
+    @classmethod
+    def between(cls, last: "Motion | None", image_bgr: UInt8[np.ndarray, "h w 3"]) -> "Motion":
+        """From the last picture to the next."""
         grey = cv2.cvtColor(image_bgr, cv2.COLOR_BGR2GRAY)
-        self._scale = min(1.0, _LONGEST_PX / max(grey.shape))
-        if self._scale < 1:
-            size = round(grey.shape[1] * self._scale), round(grey.shape[0] * self._scale)
+        scale = min(1.0, _LONGEST_PX / max(grey.shape))
+        if scale < 1:
+            size = round(grey.shape[1] * scale), round(grey.shape[0] * scale)
             grey = cv2.resize(grey, size, interpolation=cv2.INTER_AREA)
-        self._before, self._now = self._now, grey
+        return cls(None if last is None else last.now, grey, scale)
 
     def within(
         self, box_xyxy: Float[np.ndarray, "n 4"]
@@ -46,22 +50,22 @@ class Motion:
         could be followed (else zero).
         """
         n = len(box_xyxy)
-        if not n or self._before is None or self._now is None:
+        if not n or self.before is None:
             return np.zeros((n, 2)), np.zeros(n, bool)
-        box = box_xyxy * self._scale
+        box = box_xyxy * self.scale
         side = box[:, 2:] - box[:, :2]
         share = np.stack(np.meshgrid(_ACROSS, _DOWN), axis=-1).reshape(-1, 2)
         begin = (box[:, None, :2] + share * side[:, None]).astype(np.float32)
         flat = begin.reshape(-1, 1, 2)
-        there, found = _followed(self._before, self._now, flat)
-        back, again = _followed(self._now, self._before, there)
+        there, found = _followed(self.before, self.now, flat)
+        back, again = _followed(self.now, self.before, there)
         away = np.linalg.norm((back - flat).reshape(begin.shape), axis=2)
         good = away < np.maximum(_BACK_PX, _BACK_SHARE * side[:, 1])[:, None]
         good &= (found.reshape(good.shape) > 0) & (again.reshape(good.shape) > 0)
         held = good.mean(axis=1) >= _HELD_SHARE
         step = np.where(good[..., None], there.reshape(begin.shape) - begin, np.nan)
         shift = np.zeros((n, 2))
-        shift[held] = np.nanmedian(step[held], axis=1) / self._scale
+        shift[held] = np.nanmedian(step[held], axis=1) / self.scale
         return shift, held
 
 

@@ -1,7 +1,8 @@
-"""Opens ONNX networks for inference on the CPU, without log messages and with few threads.
+"""Opens ONNX networks for inference, on the device asked for, without log messages.
 
-ONNX Runtime runs everything; where OpenVINO is installed and the processor multiplies numbers of 16
-bits (bf16), it runs the networks that bear it. In 32 bits the two are equally fast.
+By default ONNX Runtime runs everything on the processor; where OpenVINO is installed and the
+processor multiplies numbers of 16 bits (bf16), it runs the networks that bear it. In 32 bits the
+two are equally fast.
 """
 
 import hashlib
@@ -16,6 +17,8 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
+from scene4d.core.errors import InputError, UnavailableError
+
 # Newer wheels send telemetry as soon as they are imported: nothing may leave this machine.
 os.environ["ORT_DISABLE_TELEMETRY"] = "1"
 
@@ -23,32 +26,84 @@ import onnxruntime as ort
 
 ort.disable_telemetry_events()  # not every build reads the variable
 
-THREADS = 2
-"""Threads per network, chosen by hand: the decoder and other networks need cores too."""
-_TURNS = threading.BoundedSemaphore(max(1, (os.cpu_count() or 1) // THREADS))
-"""Several cameras of one process take turns: more at once are no faster, and each takes memory."""
+AUTO, _CPU, _OPENVINO = "auto", "cpu", "openvino:"
+_CORES = os.cpu_count() or 1
+_TURNS = threading.BoundedSemaphore(_CORES)
+"""A pass takes one thread: with two, ONNX Runtime took 10 % and OpenVINO 40 % more processor time,
+and other networks, other cameras and the decoder need cores too. More passes at once than cores
+would only take memory."""
 _ERRORS_ONLY = 3
 _BF16 = "BF16"
+_ELSEWHERE = "AzureExecutionProvider"
+"""A provider of ONNX Runtime that sends pictures away."""
 
 
-def open_session(network: Path | bytes) -> ort.InferenceSession:
-    """An inference session on the CPU, from a file or its content; the same one for all who have
-    it open.
+def open_session(network: Path | bytes, device: str = AUTO) -> ort.InferenceSession:
+    """An inference session of ONNX Runtime, from a file or its content; the same one for all who
+    have it open. Where ``device`` is one of OpenVINO's, on the processor.
 
-    Waiting threads sleep instead of spinning, because detector, keypoint network and decoder take
-    turns on the same cores.
+    Raises as :func:`check_device`, and :class:`UnavailableError` if the device cannot be used.
     """
-    return _shared("onnxruntime", network, lambda: _opened(network))
+    check_device(device)
+    where = _CPU if device == AUTO or device.startswith(_OPENVINO) else device
+    return _shared(where, network, lambda content: _opened(content, where))
 
 
-def _opened(network: Path | bytes) -> ort.InferenceSession:
+def open_coarse(network: Path | bytes, device: str = AUTO) -> "ort.InferenceSession | _Vino":
+    """The same for a network that bears numbers of 16 bits, where they are faster."""
+    check_device(device)
+    where = _openvino_device(device)
+    if where is None:
+        return open_session(network, device)
+    return _shared(where, network, lambda content: _Vino(content, where))
+
+
+def engine(device: str = AUTO) -> str:
+    """What runs the networks opened by :func:`open_coarse`: results differ a little."""
+    where = _openvino_device(device)
+    if where is not None:
+        return "openvino bf16" if where == "CPU" and _has_bf16() else f"openvino {where}"
+    return f"onnxruntime {_CPU if device == AUTO else device}"
+
+
+def devices() -> tuple[str, ...]:
+    """What ``device`` may be here: ``auto``, ONNX Runtime's providers, ``openvino:`` and one of its
+    devices.
+    """
+    core = _core()
+    vino = () if core is None else tuple(f"{_OPENVINO}{d.lower()}" for d in core.available_devices)
+    return AUTO, *_providers(), *vino
+
+
+def check_device(device: str) -> None:
+    """Raise :class:`InputError` if there is no such device here."""
+    if device not in devices():
+        raise InputError(
+            f"device: found {device!r}, expected one of those that are here: "
+            f"{', '.join(devices())}; others come with other builds of onnxruntime "
+            "(onnxruntime-gpu for cuda) or with openvino"
+        )
+
+
+def _providers() -> dict[str, str]:
+    """ONNX Runtime's names of its providers, by ours."""
+    there = sorted(set(ort.get_available_providers()) - {_ELSEWHERE}, key=lambda p: p[:3] != "CPU")
+    return {name.removesuffix("ExecutionProvider").lower(): name for name in there}
+
+
+def _opened(content: bytes, device: str) -> ort.InferenceSession:
     options = ort.SessionOptions()
-    options.intra_op_num_threads = THREADS
+    options.intra_op_num_threads = 1
     options.inter_op_num_threads = 1
     options.log_severity_level = _ERRORS_ONLY
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    source = network if isinstance(network, bytes) else str(network)
-    return _Session(source, options, providers=["CPUExecutionProvider"])
+    names = _providers()
+    wanted = [names[device], *([] if device == _CPU else [names[_CPU]])]
+    session = _Session(content, options, providers=wanted)
+    if session.get_providers()[0] != wanted[0]:  # it fell back, and said so in its log alone
+        raise UnavailableError(
+            f"device {device!r}: ONNX Runtime knows it but cannot use it: is its driver installed?"
+        )
+    return session
 
 
 class _Session(ort.InferenceSession):  # type: ignore[misc]
@@ -61,57 +116,59 @@ _open: WeakValueDictionary[tuple[str, str], Any] = WeakValueDictionary()
 _opening = threading.Lock()
 
 
-def _shared(engine: str, network: Path | bytes, opened: Callable[[], Any]) -> Any:
+def _shared(where: str, network: Path | bytes, opened: Callable[[bytes], Any]) -> Any:
     content = network if isinstance(network, bytes) else network.read_bytes()
-    key = engine, hashlib.sha256(content).hexdigest()
+    key = where, hashlib.sha256(content).hexdigest()
     with _opening:
         found = _open.get(key)
         if found is None:
-            found = _open[key] = opened()
+            found = _open[key] = opened(content)
         return found
 
 
-def open_coarse(network: Path | bytes) -> "ort.InferenceSession | _HalfSession":
-    """The same for a network that bears numbers of 16 bits, where they are faster."""
-    core = _half_core()
-    if core is None:
-        return open_session(network)
-    return _shared("openvino", network, lambda: _HalfSession(core, network))
-
-
-def engine() -> str:
-    """What runs the networks opened by :func:`open_coarse`: results differ a little."""
-    return "onnxruntime" if _half_core() is None else "openvino bf16"
-
-
 @cache
-def _half_core() -> Any | None:
-    """OpenVINO, where it is installed and the processor multiplies numbers of 16 bits."""
+def _core() -> Any | None:
+    """OpenVINO, where it is installed."""
     try:
-        core = import_module("openvino").Core()
+        return import_module("openvino").Core()
     except ImportError:
         return None
-    return core if _BF16 in core.get_property("CPU", "OPTIMIZATION_CAPABILITIES") else None
 
 
-class _HalfSession:
-    """A network run by OpenVINO in 16 bits; used as ONNX Runtime's sessions are."""
+def _has_bf16() -> bool:
+    core = _core()
+    return core is not None and _BF16 in core.get_property("CPU", "OPTIMIZATION_CAPABILITIES")
 
-    def __init__(self, core: Any, network: Path | bytes) -> None:
-        content = network if isinstance(network, bytes) else network.read_bytes()
-        how = {
-            "INFERENCE_PRECISION_HINT": "bf16",
-            "INFERENCE_NUM_THREADS": THREADS,
-            "NUM_STREAMS": 1,
-        }
-        compiled = core.compile_model(core.read_model(content, b""), "CPU", how)
-        self._outputs = [output.any_name for output in compiled.outputs]
-        self._request = compiled.create_infer_request()
-        self._lock = threading.Lock()  # a request keeps its input and its results
+
+def _openvino_device(device: str) -> str | None:
+    """OpenVINO's name of the device that runs coarse networks; None: ONNX Runtime runs them."""
+    if device.startswith(_OPENVINO):
+        return device.removeprefix(_OPENVINO).upper()
+    return "CPU" if device == AUTO and _has_bf16() else None
+
+
+class _Vino:
+    """A network run by OpenVINO, in 16 bits where the device has them; used as ONNX Runtime's
+    sessions are.
+    """
+
+    def __init__(self, content: bytes, device: str) -> None:
+        core, how = _core(), {}
+        assert core is not None
+        if device == "CPU":
+            precision = "bf16" if _has_bf16() else "f32"
+            how = {"INFERENCE_PRECISION_HINT": precision, "INFERENCE_NUM_THREADS": _CORES}
+            how["NUM_STREAMS"] = _CORES  # each pass has one thread
+        self._compiled = core.compile_model(core.read_model(content, b""), device, how)
+        self._outputs = [output.any_name for output in self._compiled.outputs]
+        self._idle: list[Any] = []  # requests: each keeps its input and its results
 
     def run(self, names: Sequence[str] | None, given: Mapping[str, np.ndarray]) -> list[np.ndarray]:
         """The outputs called ``names`` (None: all)."""
-        with self._lock:
-            self._request.infer(dict(given), share_inputs=True)
+        with _TURNS:
+            request = self._idle.pop() if self._idle else self._compiled.create_infer_request()
+            request.infer(dict(given), share_inputs=True)
             wanted = self._outputs if names is None else names
-            return [np.array(self._request.get_tensor(name).data) for name in wanted]
+            found = [np.array(request.get_tensor(name).data) for name in wanted]
+            self._idle.append(request)
+        return found

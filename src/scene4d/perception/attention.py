@@ -42,23 +42,22 @@ class Attention:
         self.postures = Postures()
         self.colours: dict[int, np.ndarray] = {}
         """Of the people in the last frame, by their numbers."""
-        self._motion = Motion()
+        self._motion: Motion | None = None
         self._people = Gaze(self._people_detector, _PEOPLE_S)
         also = self._vehicle_detector
         self._vehicles = None if also is None else Vehicles(also)
 
-    def people(self, image: np.ndarray, time_s: float) -> sv.Detections:
-        """What the detector of people finds."""
-        self._motion.add(image)
-        self._scene = Scene(image, time_s, GreyCopy(image), self._motion)
-        gaze, scene = self._people, self._scene
+    def people(self, image: np.ndarray, time_s: float) -> tuple[sv.Detections, Scene]:
+        """What the detector of people finds, and what :meth:`vehicles` needs, perhaps while the
+        next image is looked at.
+        """
+        self._motion = Motion.between(self._motion, image)
+        scene, gaze = Scene(image, time_s, GreyCopy(image), self._motion), self._people
         nobody = np.zeros(scene.copy.grey.shape, bool)
         gaze.look(scene, nobody, gaze.large(scene, _WIDTH, _HEIGHT))
-        return gaze.found
+        return gaze.found, scene
 
-    def vehicles(
-        self, image: np.ndarray, person_box_xyxy: Float[np.ndarray, "n 4"]
-    ) -> sv.Detections:
-        """The vehicles in the image last given to :meth:`people`, one row each."""
+    def vehicles(self, scene: Scene, person_box_xyxy: Float[np.ndarray, "n 4"]) -> sv.Detections:
+        """The vehicles in a scene that :meth:`people` gave, one row each."""
         assert self._vehicles is not None
-        return self._vehicles.look(self._scene, person_box_xyxy)
+        return self._vehicles.look(scene, person_box_xyxy)

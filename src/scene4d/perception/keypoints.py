@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from scene4d.core.body import HALPE26
-from scene4d.perception._session import open_coarse
+from scene4d.perception._planes import fill_planes
+from scene4d.perception._session import AUTO, open_coarse
 from scene4d.perception.weights import weight_path
 
 _INPUT = "input"
@@ -64,8 +65,8 @@ class KeypointEstimator:
 
     names: tuple[str, ...] = HALPE26
 
-    def __init__(self) -> None:
-        self._session = open_coarse(weight_path("rtmpose-s"))
+    def __init__(self, device: str = AUTO) -> None:
+        self._session = open_coarse(weight_path("rtmpose-s"), device)
 
     def estimate(
         self, image_bgr: UInt8[np.ndarray, "h w 3"], box_xyxy: Float[np.ndarray, "n 4"]
@@ -98,6 +99,5 @@ def _crops(image_bgr: np.ndarray, scale: np.ndarray, shift: np.ndarray) -> np.nd
     for crop, s, (tx, ty) in zip(crops, scale, shift, strict=True):
         matrix = np.array([[s, 0, tx], [0, s, ty]])
         warped = cv2.warpAffine(image_bgr, matrix, INPUT_SIZE, flags=cv2.INTER_LINEAR)
-        rgb = (warped[:, :, ::-1].astype(np.float32) - _MEAN_RGB) / _STD_RGB
-        crop[:] = rgb.transpose(2, 0, 1)
+        fill_planes(crop, warped, 1 / _STD_RGB, _MEAN_RGB / _STD_RGB, swapped=True)
     return crops

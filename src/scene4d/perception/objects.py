@@ -1,5 +1,7 @@
 """Detects people and vehicles in one frame: detectors and keypoints combined into a table."""
 
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
@@ -12,6 +14,7 @@ from scene4d.core.people import Detections
 from scene4d.core.progress import timed
 from scene4d.core.tracks import CLASSES
 from scene4d.perception._duplicates import boxes_of, one_per_vehicle
+from scene4d.perception._gaze import Scene
 from scene4d.perception.attention import Attention
 from scene4d.perception.detectors._base import Detector
 from scene4d.perception.detectors.tiles import ExpectedPersonPx, TiledDetector
@@ -47,6 +50,10 @@ class TimedImage(Protocol):
         ...
 
 
+Moment = tuple[int, float, Detections, Float32[np.ndarray, "n 48"]]
+"""Index and time of a frame, its detections, and the colours of every row."""
+
+
 @runtime_checkable
 class PoseEstimator(Protocol):
     """Estimates body keypoints of people with known boxes."""
@@ -76,13 +83,13 @@ class ObjectDetector:
     timings: dict[str, float] = field(default_factory=dict)
 
     @classmethod
-    def default(cls) -> "ObjectDetector":
+    def default(cls, device: str = "auto") -> "ObjectDetector":
         """YOLOX-tiny, RTMPose-s and YOLOv4-tiny; downloads missing weights."""
         from scene4d.perception.detectors._yolov4 import Yolov4TinyDetector
         from scene4d.perception.detectors.yolox import YoloxDetector
         from scene4d.perception.keypoints import KeypointEstimator
 
-        return cls(YoloxDetector(), KeypointEstimator(), Yolov4TinyDetector())
+        return cls(YoloxDetector(device), KeypointEstimator(device), Yolov4TinyDetector(device))
 
     def expecting(self, expected_person_px: ExpectedPersonPx | None) -> "ObjectDetector":
         """The same detector for a scene with known sizes of people; see TiledDetector."""
@@ -111,17 +118,41 @@ class ObjectDetector:
         People (best first), then vehicles (best first), with the names in ``CLASSES``. A rider and
         the bicycle are two rows. Keypoints of vehicles are NaN with score 0.
         """
+        return self._completed(frame, *self._found(frame))
+
+    def looks(self, frames: Iterable[TimedImage]) -> Iterator[Moment]:
+        """:meth:`look` at each of some frames; while one is looked at for vehicles and keypoints,
+        people are looked for in the next.
+        """
+
+        def moment(frame: TimedImage, found: sv.Detections, scene: Scene | None) -> Moment:
+            return frame.index, frame.time_s, *self._completed(frame, found, scene)
+
+        with ThreadPoolExecutor(1) as beside:
+            last: Future[Moment] | None = None
+            for frame in frames:
+                found = self._found(frame)
+                if last is not None:
+                    yield last.result()
+                last = beside.submit(moment, frame, *found)
+            if last is not None:
+                yield last.result()
+
+    def _completed(
+        self, frame: TimedImage, found: sv.Detections, scene: Scene | None
+    ) -> tuple[Detections, Float32[np.ndarray, "n 48"]]:
+        """All of a frame in which people were found."""
         image = frame.image_bgr
-        found, vehicles = self._found(frame)
-        person_box, person_score = boxes_of(found)
+        vehicles, people = self._vehicles(image, found, scene), _persons(found)
+        person_box, person_score = boxes_of(people)
         vehicle_box, vehicle_score = boxes_of(vehicles)
         n, m = len(person_box), len(vehicle_box)
         names: tuple[str, ...] = () if self.keypoints is None else self.keypoints.names
         with timed(self.timings, "keypoints"):
-            uv, uv_score = self._keypoints(frame, found)
+            uv, uv_score = self._keypoints(frame, people)
         box = np.concatenate([person_box, vehicle_box])
         with timed(self.timings, "appearance"):
-            colours = self._colours(frame, found, vehicle_box)
+            colours = self._colours(frame, people, vehicle_box)
         kinds = [*["person"] * n, *vehicles.data.get("class_name", [])]
         table = Detections.from_boxes(
             (image.shape[1], image.shape[0]),
@@ -138,15 +169,15 @@ class ObjectDetector:
 
     def _keypoints(self, frame: TimedImage, people: sv.Detections) -> tuple[np.ndarray, np.ndarray]:
         """Keypoints (n, k, 2) of the people in a frame, and their scores (n, k)."""
-        box = boxes_of(people)[0]
+        box, image = boxes_of(people)[0], frame.image_bgr
         if self.keypoints is None:
             return np.empty((len(box), 0, 2)), np.empty((len(box), 0))
         if self.attention is None:
-            return self.keypoints.estimate(frame.image_bgr, box)
+            return self.keypoints.estimate(image, box)
         postures, columns = self.attention.postures, len(self.keypoints.names)
         uv, score, rows = postures.carried(people, frame.time_s, columns)
         if len(rows):
-            uv[rows], score[rows] = self.keypoints.estimate(frame.image_bgr, box[rows])
+            uv[rows], score[rows] = self.keypoints.estimate(image, box[rows])
         postures.keep(people, uv, score)
         return uv, score
 
@@ -170,21 +201,23 @@ class ObjectDetector:
             self.attention.colours = dict(zip(number.tolist(), out, strict=False))
         return out
 
-    def _found(self, frame: TimedImage) -> tuple[sv.Detections, sv.Detections]:
-        """The people and the vehicles in a frame."""
-        image, watch = frame.image_bgr, self.attention
+    def _found(self, frame: TimedImage) -> tuple[sv.Detections, Scene | None]:
+        """What the detector of people finds in a frame, and the scene that attention made of it."""
         with timed(self.timings, "detect people"):
-            if watch is None:
-                found = self.people.detect(image)
-            else:
-                found = watch.people(image, frame.time_s)
-        people = _persons(found)
+            if self.attention is None:
+                return self.people.detect(frame.image_bgr), None
+            return self.attention.people(frame.image_bgr, frame.time_s)
+
+    def _vehicles(
+        self, image: np.ndarray, found: sv.Detections, scene: Scene | None
+    ) -> sv.Detections:
+        """The vehicles in a frame."""
         if self.vehicles is None:
-            return people, one_per_vehicle(found)
+            return one_per_vehicle(found)
         with timed(self.timings, "detect vehicles"):
-            if watch is None:
-                return people, one_per_vehicle(self.vehicles.detect(image))
-            return people, watch.vehicles(image, boxes_of(people)[0])
+            if self.attention is None or scene is None:
+                return one_per_vehicle(self.vehicles.detect(image))
+            return self.attention.vehicles(scene, boxes_of(_persons(found))[0])
 
 
 def _persons(found: sv.Detections) -> sv.Detections:

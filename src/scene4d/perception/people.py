@@ -24,12 +24,12 @@ class PeopleDetector:
     tracker: Tracker | None = field(default_factory=Tracker)
 
     @classmethod
-    def default(cls) -> "PeopleDetector":
+    def default(cls, device: str = "auto") -> "PeopleDetector":
         """YOLOX-tiny, RTMPose-s and the tracker; downloads missing weights."""
         from scene4d.perception.detectors.yolox import YoloxDetector
         from scene4d.perception.keypoints import KeypointEstimator
 
-        return cls(YoloxDetector(), KeypointEstimator())
+        return cls(YoloxDetector(device), KeypointEstimator(device))
 
     def look(self, frame: TimedImage) -> Detections:
         """The people in one frame; give frames in order of time.

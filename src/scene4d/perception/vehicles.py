@@ -87,11 +87,11 @@ class VehicleDetector:
         self._tracker = VehicleTracker()
 
     @classmethod
-    def default(cls) -> "VehicleDetector":
+    def default(cls, device: str = "auto") -> "VehicleDetector":
         """YOLOv4-tiny and the tracker; downloads missing weights."""
         from scene4d.perception.detectors._yolov4 import Yolov4TinyDetector
 
-        return cls(Yolov4TinyDetector())
+        return cls(Yolov4TinyDetector(device))
 
     def look(self, frame: TimedImage) -> Detections:
         """The vehicles in one frame, with tracks; give frames in order of time."""

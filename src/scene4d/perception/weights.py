@@ -133,11 +133,15 @@ def list_weights(*, weights: Sequence[Download] = WEIGHTS) -> list[WeightStatus]
     return rows
 
 
-def engine_name() -> str:
-    """What runs the networks of people and vehicles here; results differ a little between two."""
-    from scene4d.perception._session import engine
+def engine_name(device: str = "auto") -> str:
+    """What runs the networks of people and vehicles here; results differ a little between two.
 
-    return engine()
+    Raises :class:`InputError` if there is no such device here.
+    """
+    from scene4d.perception._session import check_device, engine
+
+    check_device(device)
+    return engine(device)
 
 
 def _folder() -> Path:

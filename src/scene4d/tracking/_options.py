@@ -22,7 +22,9 @@ class TrackOptions:
     second: people and cars move little in a tenth of a second. ``person_height_m`` is the people's
     mean height (default: as assumed by the calibration). ``detector`` is the name of a registered
     detector, or an ONNX file with the YOLOX layout, for both people and vehicles; by default each
-    has its own.
+    has its own. ``device`` says where the networks run: ``"auto"``, ``"cpu"``, ``"cuda"`` and other
+    providers of ONNX Runtime, ``"openvino:cpu"`` and other devices of OpenVINO, as far as they are
+    here.
     """
 
     annotations: str | Path | None = None
@@ -34,6 +36,7 @@ class TrackOptions:
     drop_invalid: bool = False
     format: str | None = None
     detector: str | Path | None = None
+    device: str = "auto"
 
     def __post_init__(self) -> None:
         """Check the ranges before any work is done; raises :class:`InputError`."""

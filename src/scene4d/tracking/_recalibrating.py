@@ -127,7 +127,9 @@ def _monitor_of(known: Known, image_size: tuple[int, int]) -> MotionMonitor | No
 
 def _attempt(spell: _Spell, job: Job, to: Known, frames: int) -> Known | None:
     """A new camera, written; or None, and the reason is told."""
-    options = CalibrateOptions(person_height_m=job.person_height_m, frames=frames)
+    options = CalibrateOptions(
+        person_height_m=job.person_height_m, frames=frames, device=job.options.device
+    )
     try:
         result = run_footage(spell, options, job.progress)
         reason = result.calibration.reason

@@ -7,6 +7,7 @@ replayed, so it has no log; its results are added to the scene second by second.
 import hashlib
 import json
 from collections.abc import Callable, Iterator
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,8 @@ from scene4d.video.frames import Frame, Source
 from scene4d.video.stream import without_password
 
 if TYPE_CHECKING:
-    from scene4d.perception.objects import ObjectDetector
+    from scene4d.perception.detectors._base import Detector
+    from scene4d.perception.objects import Moment, ObjectDetector
 
 _CHUNK_S = 10.0
 """Length of a chunk: the most that is lost when a run over a recording is killed."""
@@ -59,7 +61,7 @@ def watched(footage: Source, job: Job) -> Iterator[Look]:
         def chunk_of(frame: Frame) -> int:
             return int(np.searchsorted(ends, frame.index)) - done
 
-        for look in _looks(frames, chunk_of, objects, view):
+        for look in _recorded(frames, chunk_of, objects, view):
             log.append(look)
             yield look
     log.finish()
@@ -73,7 +75,7 @@ def watched_live(
     """Detections in the frames of a stream until they end or Ctrl-C is pressed (the command line
     treats SIGTERM the same). None among the frames says that for a second none came.
     """
-    yield from _looks(frames, lambda frame: int(frame.time_s), objects, view, endless=True)
+    yield from _live(frames, objects, view)
     job.run.timings |= objects.timings
 
 
@@ -106,7 +108,7 @@ def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
         "chunk_s": _CHUNK_S,
         "camera": hashlib.sha256(described).hexdigest()[:12],
         "person_height_m": options.person_height_m,
-        "engine": engine_name(),
+        "engine": engine_name(options.device),
         "weights": {weight.name: weight.sha256 for weight in WEIGHTS},
         "software": f"scene4d {version('scene4d')}",
     }
@@ -120,18 +122,20 @@ def detectors(job: Job) -> "ObjectDetector":
     from scene4d.calibration.watching import fetch_weights, person_px
     from scene4d.perception.objects import ObjectDetector
 
-    chosen = job.options.detector
+    chosen, device = job.options.detector, job.options.device
     fetch_weights(job.progress, vehicles=chosen is None)
     if chosen is None:
-        found = ObjectDetector.default()
+        found = ObjectDetector.default(device)
     else:
         from scene4d.perception.detectors import make_detector
         from scene4d.perception.detectors.yolox import OnnxYoloxDetector
         from scene4d.perception.keypoints import KeypointEstimator
 
-        onnx = _is_onnx(chosen)
-        one = OnnxYoloxDetector(Path(chosen)) if onnx else make_detector(str(chosen))
-        found = ObjectDetector(one, KeypointEstimator())
+        if _is_onnx(chosen):
+            one: Detector = OnnxYoloxDetector(Path(chosen), device=device)
+        else:
+            one = make_detector(str(chosen), device)
+        found = ObjectDetector(one, KeypointEstimator(device))
     found = found.expecting(lambda rows: person_px(job.camera, rows, job.person_height_m))
     return found.attentive()
 
@@ -190,53 +194,57 @@ def _timed_frames(frames: Iterator[Frame], job: Job, step: Advance) -> Iterator[
         step(1)
 
 
-def _looks(
-    frames: Iterator[Frame | None],
+def _recorded(
+    frames: Iterator[Frame],
     chunk_of: Callable[[Frame], int],
     objects: "ObjectDetector",
     view: View,
-    *,
-    endless: bool = False,
 ) -> Iterator[Look]:
-    """Detections, chunk by chunk, with an empty look for a chunk without frames.
-
-    For ``endless`` frames, None ends a chunk early, those without frames are left out, and Ctrl-C
-    ends the loop normally; otherwise it ends the run.
+    """Detections, chunk by chunk, with an empty look for a chunk that has lost its frames; a chunk
+    depends on nothing before it.
     """
-    seen: list[_Moment] = []
     chunk = 0
+    for now, part in groupby(frames, chunk_of):
+        for _ in range(now - chunk):
+            yield _look_of([], view.image_size)
+        seen = list(objects.looks(frame for frame in part if view.is_right(frame)))
+        objects.begin()
+        view.check()
+        yield _look_of(seen, view.image_size)
+        chunk = now + 1
+
+
+def _live(frames: Iterator[Frame | None], objects: "ObjectDetector", view: View) -> Iterator[Look]:
+    """Detections, second by second; None among the frames says that for a second none came. Ctrl-C
+    ends them normally.
+    """
+    seen: list[Moment] = []
+    second = 0
     try:
         for frame in frames:
-            now = chunk if frame is None else max(chunk, chunk_of(frame))
-            ended = now - chunk
-            if endless:
-                ended = int(ended > 0 or frame is None)
-            for _ in range(ended):
+            now = second if frame is None else max(second, int(frame.time_s))
+            if frame is None or now > second:
                 view.check()
                 yield _look_of(seen, view.image_size)
                 seen = []
-                if frame is None or not endless:  # what was seen before a gap is old
-                    objects.begin()
-            chunk = now
-            if frame is not None and view.is_right(frame):
-                seen.append((frame, *objects.look(frame)))
+            if frame is None:
+                objects.begin()  # what was seen before a gap is old
+                continue
+            second = now
+            if view.is_right(frame):
+                seen.append((frame.index, frame.time_s, *objects.look(frame)))
     except KeyboardInterrupt:
-        if not endless:
-            raise
+        pass
     view.check()
     if seen:
         yield _look_of(seen, view.image_size)
 
 
-_Moment = tuple[Frame, Detections, np.ndarray]
-"""A frame, its detections, and their appearance."""
-
-
-def _look_of(seen: list[_Moment], image_size: tuple[int, int]) -> Look:
+def _look_of(seen: list["Moment"], image_size: tuple[int, int]) -> Look:
     """The detections in some frames, or in none."""
-    index = np.array([frame.index for frame, _, _ in seen], np.int64)
-    time_s = np.array([frame.time_s for frame, _, _ in seen], float)
+    index = np.array([number for number, *_ in seen], np.int64)
+    time_s = np.array([time for _, time, *_ in seen], float)
     if not seen:
         return Look(index, time_s, Detections.from_boxes(image_size, index, np.empty((0, 4))))
-    detections = Detections.concatenate([found for _, found, _ in seen])
-    return Look(index, time_s, detections, np.concatenate([colours for _, _, colours in seen]))
+    detections = Detections.concatenate([found for *_, found, _ in seen])
+    return Look(index, time_s, detections, np.concatenate([colours for *_, colours in seen]))

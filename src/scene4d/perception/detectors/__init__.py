@@ -1,10 +1,12 @@
 """Detectors by name: the built-in ones and those that other packages register.
 
 A package registers a detector as an entry point of the group ``scene4d.detectors``; the entry is
-called without arguments and returns a :class:`~scene4d.perception.detectors._base.Detector`.
+called without arguments, or with ``device`` where one was asked for and it takes one, and returns
+a :class:`~scene4d.perception.detectors._base.Detector`.
 """
 
 from importlib.metadata import EntryPoint, entry_points
+from inspect import signature
 from typing import TYPE_CHECKING
 
 from scene4d.core.errors import InputError, UnavailableError
@@ -31,10 +33,11 @@ def detector_names() -> tuple[str, ...]:
     return tuple(sorted(_registered()))
 
 
-def make_detector(name: str = "yolox") -> "Detector":
+def make_detector(name: str = "yolox", device: str = "auto") -> "Detector":
     """The detector registered under ``name``, with its defaults.
 
-    Raises :class:`InputError` for a name nobody registered and :class:`UnavailableError` where
+    Raises :class:`InputError` for a name nobody registered, for a device that is not here or of
+    which the detector leaves no choice, and :class:`UnavailableError` where
     the library that the detector needs is not installed.
     """
     entry = _registered().get(name)
@@ -49,5 +52,10 @@ def make_detector(name: str = "yolox") -> "Detector":
         raise UnavailableError(
             f"detector {name!r} ({entry.value}) cannot be loaded: {error}; install what it needs"
         ) from error
-    detector: Detector = factory()
-    return detector
+    if device == "auto":
+        detector: Detector = factory()
+        return detector
+    if "device" not in signature(factory).parameters:
+        raise InputError(f"device: detector {name!r} chooses its own, expected 'auto'")
+    placed: Detector = factory(device=device)
+    return placed

@@ -13,9 +13,10 @@ import supervision as sv
 from jaxtyping import UInt8
 
 from scene4d.core.errors import UnavailableError
-from scene4d.perception._session import THREADS
 from scene4d.perception.detectors._base import require_bgr
 
+_THREADS = 2
+"""Chosen by hand: the decoder needs cores too."""
 _THRESHOLD = 0.5
 _MASK_LEVEL = 0.5
 """Score from which a box is believed, and a pixel belongs to it: the customary halves."""
@@ -45,7 +46,7 @@ class MaskRcnnDetector:
         rgb = np.ascontiguousarray(image_bgr[:, :, ::-1].transpose(2, 0, 1))
         picture = torch.from_numpy(rgb).float() / 255
         before = torch.get_num_threads()
-        torch.set_num_threads(min(THREADS, before))
+        torch.set_num_threads(min(_THREADS, before))
         try:
             with torch.inference_mode():
                 out = self._model([picture])[0]

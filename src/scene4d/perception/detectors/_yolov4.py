@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from scene4d.core.tracks import CLASSES
-from scene4d.perception._session import open_coarse
+from scene4d.perception._planes import fill_planes
+from scene4d.perception._session import AUTO, open_coarse
 from scene4d.perception.detectors._base import COCO80
 from scene4d.perception.detectors._darknet import PICTURE, onnx_of_darknet
 from scene4d.perception.detectors.tiles import Boxes, Sight, TiledDetector
@@ -39,7 +40,7 @@ class Yolov4TinyDetector(TiledDetector):
     these six is left out. Gets the weights if they are missing.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, device: str = AUTO) -> None:
         super().__init__(
             class_names=COCO80,
             sight=Sight(_INPUT_PX, _TILE_PX, _SMALL_PX, _HOPELESS_PX),
@@ -48,12 +49,13 @@ class Yolov4TinyDetector(TiledDetector):
         )
         layers, weights = weight_path("yolov4-tiny-layers"), weight_path("yolov4-tiny")
         network = onnx_of_darknet(layers.read_text(), weights.read_bytes(), (_INPUT_PX, _INPUT_PX))
-        self._session = open_coarse(network)
+        self._session = open_coarse(network, device)
 
     def infer(self, image_bgr: np.ndarray, threshold: float) -> Boxes:
         """What the network says of one picture; see :meth:`TiledDetector.infer`."""
         square = cv2.resize(image_bgr, (_INPUT_PX, _INPUT_PX), interpolation=cv2.INTER_LINEAR)
-        blob = cv2.dnn.blobFromImage(square, 1 / 255, swapRB=True)
+        blob = np.empty((1, 3, _INPUT_PX, _INPUT_PX), np.float32)
+        fill_planes(blob[0], square, 1 / 255, swapped=True)
         rows = self._session.run(None, {PICTURE: blob})[0][0].astype(float)
         score, label = rows[:, _BOX:].max(axis=1), rows[:, _BOX:].argmax(axis=1)
         chosen = (score >= threshold) & np.isin(label, _KEPT)

@@ -13,8 +13,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from scene4d.core.errors import InputError
-from scene4d.perception._session import open_coarse, open_session
+from scene4d.core.errors import InputError, Scene4DError
+from scene4d.perception._session import AUTO, open_coarse, open_session
 from scene4d.perception.detectors._base import COCO80
 from scene4d.perception.detectors.tiles import INPUT_PX, Boxes, Sight, TiledDetector
 from scene4d.perception.weights import weight_path
@@ -46,9 +46,10 @@ class OnnxYoloxDetector(TiledDetector):
         *,
         class_names: Sequence[str] = COCO80,
         input_px: int | None = None,
+        device: str = AUTO,
     ) -> None:
         self._path = path
-        self._session = _open(path)
+        self._session = _open(path, device)
         self._input, self._size = _input_of(path, self._session, input_px)
         super().__init__(
             class_names=tuple(class_names),
@@ -146,8 +147,8 @@ class YoloxDetector(OnnxYoloxDetector):
 
     canvases = ((160, 160), (256, 224), (INPUT_PX, INPUT_PX))
 
-    def __init__(self) -> None:
-        self._path = weight_path("yolox-tiny")
+    def __init__(self, device: str = AUTO) -> None:
+        self._path, self._device = weight_path("yolox-tiny"), device
         self._size, self._input, self._outputs = (INPUT_PX, INPUT_PX), "input", ["dets", "labels"]
         self._grid = None
         self._sessions: dict[tuple[int, int], Any] = {}
@@ -164,7 +165,7 @@ class YoloxDetector(OnnxYoloxDetector):
 
     def _session_for(self, size: tuple[int, int]) -> Any:
         if size not in self._sessions:
-            self._sessions[size] = open_coarse(_of_size(self._path, size))
+            self._sessions[size] = open_coarse(_of_size(self._path, size), self._device)
         return self._sessions[size]
 
 
@@ -230,11 +231,13 @@ def _decoded(rows: np.ndarray, size: tuple[int, int]) -> bool:
     return bool(np.median(rows[:, 0]) > size[0] / 8)
 
 
-def _open(path: Path) -> Any:
+def _open(path: Path, device: str) -> Any:
     if not path.is_file():
         raise InputError(f"{path}: there is no such file, expected a network in ONNX format")
     try:
-        return open_session(path)
+        return open_session(path, device)
+    except Scene4DError:
+        raise
     except Exception as error:  # onnxruntime's errors have no base of their own
         raise InputError(f"{path}: not a network that ONNX Runtime can open: {error}") from error
 
