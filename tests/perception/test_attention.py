@@ -161,6 +161,38 @@ def test_only_tiles_that_changed_are_looked_at():
     assert len(detector.shown) == len(tiles) + 2  # the whole picture, and the tile in its corner
 
 
+def test_who_crosses_another_is_looked_at_in_every_picture():
+    def looks(other):
+        scene = Scene()
+        for k in range(30):
+            here = [moved(PERSON, 3 * k), moved(other, 3 * k)]
+            scene.show(*((box, TEXTURE[:, :30]) for box in here), people=here)
+        return len(scene.people.shown)
+
+    alone, beside = looks(moved(PERSON, 60)), looks(moved(PERSON, 15))
+    assert alone <= 15 and beside >= 25
+
+
+def test_looking_at_many_frames_side_by_side_finds_what_one_after_the_other_finds():
+    frames = []
+    for k in range(12):
+        image = picture((moved(CAR, 10 * k), TEXTURE), (moved(PERSON, -9 * k), 220), seed=k)
+        frames.append(SimpleNamespace(index=k, time_s=k / 10, image_bgr=image))
+    there = {"people": ("person", PERSON), "cars": ("car", CAR)}
+    found = []
+    for way in ("looks", "look"):
+        scene = Scene()
+        for name, thing in there.items():
+            getattr(scene, name).there = [thing]
+        if way == "looks":
+            found.append([moment[2:] for moment in scene.objects.looks(iter(frames))])
+        else:
+            found.append([scene.objects.look(frame) for frame in frames])
+    for (a, colours), (b, same) in zip(*found, strict=True):
+        assert a.frame.tolist() == b.frame.tolist() and len(a) >= 1
+        assert np.array_equal(a.box_xyxy, b.box_xyxy) and np.array_equal(colours, same)
+
+
 def people(number, looked_s, shift):
     """Two people at the same places."""
     data = {
@@ -175,6 +207,7 @@ def test_keypoints_follow_the_picture_and_are_taken_anew_after_a_while_if_looked
     postures, taken, shift = Postures(), [], np.array([[1.0, 0.5], [0, 0]])
     for k in range(10):
         here = people([3, 4], [k / 10, 0.0], shift)
+        here.xyxy[0] += k * np.tile(shift[0], 2)
         uv, score, rows = postures.carried(here, k / 10, 1)
         taken.append(rows.tolist())
         uv[rows], score[rows] = k, 0.9
@@ -183,6 +216,20 @@ def test_keypoints_follow_the_picture_and_are_taken_anew_after_a_while_if_looked
         assert (score == 0.9).all()
         postures.keep(here, uv, score)
     assert taken == [[0, 1], [], [], [], [0], [], [], [], [0], []]
+
+
+def test_keypoints_of_who_keeps_still_are_taken_once_a_second():
+    postures, taken = Postures(), []
+    for k in range(25):
+        here = people([3, 4], [k / 10, k / 10], np.zeros((2, 2)))
+        here.xyxy[0] += 0.5 * (-1) ** k  # a detector's jitter
+        here.xyxy[1, 1] += 4 * (k >= 12)  # bends down
+        uv, score, rows = postures.carried(here, k / 10, 1)
+        uv[rows], score[rows] = 0.0, 0.9
+        postures.keep(here, uv, score)
+        taken += [(k, row) for row in rows.tolist()]
+    assert [k for k, row in taken if row == 0] == [0, 10, 20]
+    assert [k for k, row in taken if row == 1] == [0, 10, 14, 24]
 
 
 def test_keypoints_of_somebody_new_are_taken():

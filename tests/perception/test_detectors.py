@@ -34,6 +34,21 @@ def test_a_package_can_add_a_detector_but_not_replace_ours(registered):
     assert detectors._registered()["yolox"].value.startswith("scene4d.")
 
 
+class Placed(Nobody):
+    def __init__(self, device="auto"):
+        self.device = device
+
+
+def test_a_detector_runs_on_the_device_asked_for_or_says_that_it_chooses_its_own(registered):
+    for kind in (Nobody, Placed):
+        name = kind.__name__.lower()
+        registered.append(EntryPoint(name, f"{__name__}:{kind.__name__}", detectors.GROUP))
+    assert detectors.make_detector("placed", "cpu").device == "cpu"
+    assert isinstance(detectors.make_detector("nobody", "auto"), Nobody)
+    with pytest.raises(InputError, match="device: detector 'nobody' chooses its own"):
+        detectors.make_detector("nobody", "cpu")
+
+
 def test_an_unknown_or_broken_detector_is_named(registered):
     with pytest.raises(InputError, match=r"found 'yolo', expected one of .*, yolox;"):
         detectors.make_detector("yolo")
