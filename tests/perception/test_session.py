@@ -135,7 +135,7 @@ def test_a_device_that_onnx_runtime_knows_but_cannot_use_is_no_silent_fallback(
     known = ["CUDAExecutionProvider", "CPUExecutionProvider"]
     monkeypatch.setattr(_session.ort, "get_available_providers", lambda: known)
     assert _session.devices() == ("auto", "cpu", "cuda")
-    with pytest.raises(UnavailableError, match="device 'cuda'.*cannot use it"):
+    with pytest.raises(UnavailableError, match=r"device 'cuda'.*cannot use it"):
         _session.open_session(doubling, "cuda")
 
 

@@ -4,6 +4,8 @@ import numpy as np
 import supervision as sv
 from jaxtyping import Float, Int
 
+from scene4d.perception._scene import EARLY_S
+
 _EVERY_S, _STILL_S = 0.4, 1.0
 """A person's keypoints are taken so many seconds apart, of one who keeps still the second, and
 follow the picture's motion in between. On PETS 2009 at 10 Hz the median error of positions was
@@ -13,7 +15,6 @@ follow the picture's motion in between. On PETS 2009 at 10 Hz the median error o
 _STILL = 0.04
 """Who keeps still has a box whose edges stay within this share of its height: twice the jitter of a
 detector's boxes."""
-_EARLY_S = 1e-3  # times carry rounding errors
 
 
 class Postures:
@@ -42,7 +43,7 @@ class Postures:
         score[rows] = self._score[before]
         taken, box = self._taken_s[before], self._box[before]
         wait = np.where(_changed(box, self._now_box[rows]), _EVERY_S, _STILL_S)
-        late = time_s - taken >= wait - _EARLY_S
+        late = time_s - taken >= wait - EARLY_S
         late &= people.data["looked_s"][rows] > taken
         kept = rows[~late]
         self._now_s[kept], self._now_box[kept] = taken[~late], box[~late]

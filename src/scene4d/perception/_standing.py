@@ -8,7 +8,8 @@ from jaxtyping import Float
 
 from scene4d.core.tracks import VEHICLES
 from scene4d.perception._duplicates import one_per_vehicle
-from scene4d.perception._gaze import Gaze, Scene
+from scene4d.perception._gaze import Gaze
+from scene4d.perception._scene import Scene
 from scene4d.perception.detectors._base import Detector
 
 _EVERY_S = 5.0

@@ -13,9 +13,10 @@ import supervision as sv
 from jaxtyping import Float
 
 from scene4d.perception._changes import GreyCopy
-from scene4d.perception._gaze import Gaze, Scene
+from scene4d.perception._gaze import Gaze
 from scene4d.perception._motion import Motion
 from scene4d.perception._postures import Postures
+from scene4d.perception._scene import Scene
 from scene4d.perception._standing import Vehicles
 from scene4d.perception.detectors._base import Detector
 

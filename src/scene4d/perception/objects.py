@@ -14,7 +14,7 @@ from scene4d.core.people import Detections
 from scene4d.core.progress import timed
 from scene4d.core.tracks import CLASSES
 from scene4d.perception._duplicates import boxes_of, one_per_vehicle
-from scene4d.perception._gaze import Scene
+from scene4d.perception._scene import Scene
 from scene4d.perception.attention import Attention
 from scene4d.perception.detectors._base import Detector
 from scene4d.perception.detectors.tiles import ExpectedPersonPx, TiledDetector

@@ -125,7 +125,7 @@ def detectors(job: Job) -> "ObjectDetector":
     chosen, device = job.options.detector, job.options.device
     fetch_weights(job.progress, vehicles=chosen is None)
     if chosen is None:
-        found = ObjectDetector.default(device)
+        found = ObjectDetector.default(device=device)
     else:
         from scene4d.perception.detectors import make_detector
         from scene4d.perception.detectors.yolox import OnnxYoloxDetector
