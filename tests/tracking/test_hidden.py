@@ -8,7 +8,7 @@ import pytest
 from scene4d.core.calibration import Calibration
 from scene4d.core.people import Detections
 from scene4d.store.log import Look
-from scene4d.tracking._hidden import LONGEST_S, Hidden
+from scene4d.tracking._hidden import LONGEST_S, MEAN_HIDDEN_S, Hidden
 from scene4d.tracking.following import follow
 from walks import CAMERA, FPS, SIZE, car_box, person_box
 
@@ -124,7 +124,7 @@ def test_the_hypothesis_stays_behind_and_ends_when_the_vehicle_drives_off():
     assert abs(mean[0]) < 2.5
     assert 14.5 < mean[1] < 30
     assert spread[-1] > 2 * spread[0]
-    assert 0.05 < probability < np.exp(-6 / 5)
+    assert 0.05 < probability < np.exp(-5.9 / MEAN_HIDDEN_S)
     for time_s in np.arange(6.0, 9.0, 0.1):
         hidden.advance(time_s, np.empty((0, 4)))
     assert 7 not in hidden

@@ -198,8 +198,9 @@ class GroundTracker:
         self._hidden.keep(set(t.label[missed].tolist()))
         new = missed & t.known & (GROUP[t.kind] == PERSON_GROUP) & ~self._is_behind(t)
         new &= (t.seen_s - t.born_s >= _KNOWN_S) & (time_s - t.seen_s >= _MISSED_S)
-        at = t.foot + t.drift * (time_s - t.seen_s)[:, None]
-        new[new] = vanishes(at[new], t.height[new], boxes_xyxy)
+        if new.any():
+            at = t.foot + t.drift * (time_s - t.seen_s)[:, None]
+            new[new] = vanishes(at[new], t.height[new], boxes_xyxy)
         for row in np.flatnonzero(new):
             label = int(t.label[row])
             self._hidden.begin(label, float(t.located_s[row]), t.state[row], t.covariance[row])
