@@ -21,7 +21,13 @@ from scene4d.tracking import TrackOptions, watch
 
 ROOT = Path(__file__).parents[1]
 CLIPS = ("crosswalk_640x352_13s", "plaza_960x540_14s", "road_shadows_854x480_31s")
-SEARCHES = ("person stops", "vehicle stops", "vehicle starts", "person disappears", "person turns")
+SEARCHES = (
+    "person stops",
+    "vehicle stops",
+    "vehicle starts",
+    "person disappears",
+    "person turns left",
+)
 LEAST = 0.1
 """Scores do not matter here: more events say more about the time that they take."""
 ALLOWED_S = 3.0

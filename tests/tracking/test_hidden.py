@@ -89,6 +89,20 @@ def test_who_passes_behind_a_vehicle_has_one_number_and_is_bridged(pause_s):
     assert inside > 0.85 * tested
 
 
+def test_a_gap_is_bridged_whole_where_rows_become_final_in_its_middle():
+    """Every ten seconds rows of earlier than ten seconds are final: those up to 20 s at 30 s."""
+    way = passes(4.0)
+
+    def later(time_s):
+        return way(time_s - 13.0) if time_s > 13 else None
+
+    (one,) = tracked(later, 32.0)
+    gap_s = one.time_s[~one.observed]
+    assert gap_s.min() < 19 < 21 < gap_s.max()
+    np.testing.assert_allclose(np.diff(one.time_s), 1 / FPS, atol=1e-9)
+    assert np.isfinite(one.xy_m).all()
+
+
 def test_who_enters_a_vehicle_ends_where_he_was_last_seen():
     """Nobody walks on, while the van stands and after it has driven off."""
     way = passes(0.0)
