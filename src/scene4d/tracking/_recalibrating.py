@@ -10,7 +10,7 @@ import logging
 import threading
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import count, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -125,7 +125,7 @@ def _monitor_of(known: Known, image_size: tuple[int, int]) -> MotionMonitor | No
     return monitor
 
 
-def _attempt(spell: _Spell, job: Job, to: Known, frames: int) -> Known | None:
+def _attempt(spell: _Spell, job: Job, to: tuple[str, Path], frames: int) -> Known | None:
     """A new camera, written; or None, and the reason is told."""
     options = CalibrateOptions(
         person_height_m=job.person_height_m, frames=frames, device=job.options.device
@@ -138,35 +138,31 @@ def _attempt(spell: _Spell, job: Job, to: Known, frames: int) -> Known | None:
     if result is None or not result.calibration:
         _LOG.warning("%s: its new view cannot be calibrated: %s", spell.name, reason)
         return None
-    assert isinstance(to.camera, Path)
-    write(result, to.camera.parent, progress=job.progress)
-    _LOG.warning("%s: calibrated again; from here on it is camera %s", spell.name, to.name)
-    return to
+    name, file = to
+    write(result, file.parent, progress=job.progress)
+    _LOG.warning("%s: calibrated again; from here on it is camera %s", spell.name, name)
+    return Known(name, file)
 
 
 def _made(scene: Path, name: str) -> Iterator[Known]:
     """The cameras that were made of this one's later views."""
-    for number in count(2):
-        known = _numbered(scene, name, number)
-        assert isinstance(known.camera, Path)
-        if not known.camera.exists():
-            return
-        yield known
+    made = takewhile(lambda one: one[1].exists(), _numbered(scene, name))
+    return (Known(*one) for one in made)
 
 
-def _free(scene: Path, name: str) -> Known:
-    """The next number that no camera has."""
-    numbers = (_numbered(scene, name, number) for number in count(2))
+def _free(scene: Path, name: str) -> tuple[str, Path]:
+    """The next name that no camera has, and its file."""
     return next(
-        one
-        for one in numbers
-        if not Path(str(one.camera)).exists() and not camera_path(scene, one.name).exists()
+        (called, file)
+        for called, file in _numbered(scene, name)
+        if not file.exists() and not camera_path(scene, called).exists()
     )
 
 
-def _numbered(scene: Path, name: str, number: int) -> Known:
-    called = f"{name}-{number}"
-    return Known(called, scene / "recalibrated" / file_name(called, "camera") / "camera.json")
+def _numbered(scene: Path, name: str) -> Iterator[tuple[str, Path]]:
+    for number in count(2):
+        called = f"{name}-{number}"
+        yield called, scene / "recalibrated" / file_name(called, "camera") / "camera.json"
 
 
 def _with(job: Job, known: Known) -> Job:
