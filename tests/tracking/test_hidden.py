@@ -30,17 +30,20 @@ def hides(person, van):
     return person[3] < van[3] and wide > 0.6 * (person[2] - person[0])
 
 
-def look(path, seconds, *, seed=0, van=lambda t: 0.0, noise_px=0.7, also=()):
-    """What is seen of somebody at ``path(t)``, None for nobody, and of a van. ``also`` walk too."""
+def look(path, seconds, *, seed=0, van=lambda t: 0.0, noise_px=0.7, van_missed=0.0, also=()):
+    """What is seen of somebody at ``path(t)``, None for nobody, and of a van, which may be missed
+    now and then. ``also`` walk too.
+    """
     rng, boxes, names, frames = np.random.default_rng(seed), [], [], []
     for index in range(int(seconds * FPS)):
         time_s = index / FPS
         parked = van_box(VAN, van(time_s))
         people = [person_box(way(time_s)) for way in (path, *also) if way(time_s) is not None]
         seen = [box for box in people if not hides(box, parked)]
-        boxes += [*seen, parked]
-        names += ["person"] * len(seen) + ["truck"]
-        frames += [index] * (len(seen) + 1)
+        vans = [parked] if rng.random() >= van_missed else []
+        boxes += [*seen, *vans]
+        names += ["person"] * len(seen) + ["truck"] * len(vans)
+        frames += [index] * (len(seen) + len(vans))
     box, frame = np.array(boxes), np.array(frames)
     found = Detections.from_boxes(
         SIZE, frame, box + rng.normal(0, noise_px, box.shape), time_s=frame / FPS,
@@ -87,6 +90,10 @@ def test_who_passes_behind_a_vehicle_has_one_number_and_is_bridged(pause_s):
         sigma = np.sqrt(np.trace(gap.covariance_m2, axis1=1, axis2=2) / 2)
         assert sigma.max() > 2 * sigma[[0, -1]].max(), "least is known in the middle"
     assert inside > 0.85 * tested
+
+
+def test_a_vehicle_that_is_missed_now_and_then_hides_all_the_same():
+    assert len(tracked(passes(3.0), 13.0, van_missed=0.4)) == 1
 
 
 def test_a_gap_is_bridged_whole_where_rows_become_final_in_its_middle():

@@ -99,6 +99,7 @@ class GroundTracker:
     ) -> None:
         self.settings = AssociationSettings() if settings is None else settings
         self._hidden = None if camera is None else Hidden(camera)
+        self._vehicles: list[tuple[float, np.ndarray]] = []  # recent frames: time, boxes
         self.from_hiding = np.empty(0, bool)
         self._tracks = started(nothing(), np.empty(0, np.int64), 0.0)
         self._next = 0
@@ -133,7 +134,7 @@ class GroundTracker:
         if not len(seen.kind):
             self._time_s = time_s
             if self._hidden is not None:
-                self._hidden.advance(time_s, detections.box_xyxy)
+                self._hidden.advance(time_s, self._before(detections, seen, time_s))
             return np.empty(0, np.int64)
         s = self.settings
         tracks = self._tracks
@@ -157,7 +158,7 @@ class GroundTracker:
         rows, columns = _assigned(cost)
         label[columns] = tracks.label[rows]
         self.from_hiding[columns] = behind.rows[rows]
-        self._look_behind(tracks, rows, detections.box_xyxy, time_s)
+        self._look_behind(tracks, rows, self._before(detections, seen, time_s), time_s)
         _correct(tracks, state, covariance, seen, rows, columns, time_s)
         new = np.flatnonzero(label < 0)
         new = new[np.lexsort(seen.foot[new].T)]
@@ -186,6 +187,13 @@ class GroundTracker:
             share = t.height[rows] / self._hidden.upright_px(t.state[rows, :2])
             found.height[rows] = share[:, None] * self._hidden.upright_px(seen.xy)
         return found
+
+    def _before(self, detections: Detections, seen: Seen, time_s: float) -> np.ndarray:
+        """Boxes of what may hide somebody: all of the frame, and vehicles that it may lack."""
+        boxes = detections.box_xyxy
+        recent = [(t, there) for t, there in self._vehicles if t > time_s - _STAYS_S]
+        self._vehicles = [*recent, (time_s, boxes[GROUP[seen.kind] != PERSON_GROUP])]
+        return np.concatenate([boxes, *(there for _, there in recent)])
 
     def _look_behind(
         self, t: Held, matched: np.ndarray, boxes_xyxy: np.ndarray, time_s: float
