@@ -145,7 +145,7 @@ def test_the_hypothesis_stays_behind_and_ends_when_the_vehicle_drives_off():
     assert abs(mean[0]) < 2.5
     assert 14.5 < mean[1] < 30
     assert spread[-1] > 2 * spread[0]
-    assert 0.05 < probability < np.exp(-5.9 / MEAN_HIDDEN_S)
+    assert 0.05 < probability < 0.5 * np.exp(-5.9 / MEAN_HIDDEN_S)
     for time_s in np.arange(6.0, 9.0, 0.1):
         hidden.advance(time_s, np.empty((0, 4)))
     assert 7 not in hidden
