@@ -3,9 +3,11 @@
 import base64
 import json
 import re
+import shutil
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from playwright.sync_api import expect
 
@@ -301,3 +303,34 @@ def rows_shown(page, number: int) -> np.ndarray:
         codes = np.frombuffer(base64.b64decode(column["codes"]), "<u2")
         found.append(column["offset"] + column["scale"] * codes)
     return np.column_stack(found)
+
+
+def test_tracks_are_kept_by_zone_and_time_and_events_are_saved(opened, scene, tmp_path):
+    (tmp_path / "z.json").write_text(
+        json.dumps({"zones": {"bay": [[-1.5, 14], [2.5, 14], [2.5, 18.5], [-1.5, 18.5]]}})
+    )
+    options = ViewOptions(searches=["two people meet"], zones=tmp_path / "z.json", video=False)
+    page = opened.page
+    page.goto(view([scene], tmp_path / "page.html", options).as_uri())
+    page.locator("#tab-tracks").click()
+    page.locator("#filter-zone").select_option("bay")
+    assert page.locator("#tracks-body th").all_inner_texts() == ["person 1", "car 9"]
+    page.locator("#filter-lasting").fill("20")
+    assert page.locator("#tracks-body th").all_inner_texts() == ["car 9"]
+    page.locator("#tab-events").click()
+    with page.expect_download() as saving:
+        page.get_by_role("button", name="Save CSV").click()
+    saving.value.save_as(tmp_path / "events.csv")
+    table = pd.read_csv(tmp_path / "events.csv")
+    found = search(scene, "two people meet")
+    assert table["begin_s"].tolist() == [one.event.begin_s for one in found.events]
+    assert set(found.events[0].event.roles) < set(table.columns)
+
+
+@pytest.mark.parametrize("line", ["{", "[1]", '{"id": "a"}', '{"id": "a", "roles": 3}', "[" * 9999])
+def test_what_watch_did_not_write_is_no_event(scene, tmp_path, line):
+    folder = shutil.copytree(scene, tmp_path / "scene")
+    (folder / "events").mkdir()
+    (folder / "events" / "morning.jsonl").write_text(f"{line}\n")
+    with pytest.raises(InputError, match=r"morning.jsonl: line 1: no event"):
+        view([folder], tmp_path / "page.html", ViewOptions(video=False))

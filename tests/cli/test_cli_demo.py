@@ -84,7 +84,8 @@ def test_the_whole_chain(run, networks, pets, tmp_path, monkeypatch, plain_repor
     done = run("demo", "--out", out)
     assert done.exit_code == 0, done.stderr
     shown = [Path(line.strip()) for line in done.stdout.split("Open these pages:")[1].split()]
-    assert [path.name for path in shown if path.suffix == ".html"] == ["report.html", "search.html"]
+    pages = [path.name for path in shown if path.suffix == ".html"]
+    assert pages == ["page.html", "report.html", "search.html"]
     assert all(path.is_file() for path in shown)
     rerun = run("demo", "--out", out, "--json")
     assert rerun.exit_code == 0, rerun.stderr

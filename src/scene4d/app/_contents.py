@@ -14,6 +14,7 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.text import quoted
 from scene4d.searching import FoundEvent, Places, SearchResult
+from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.store.runs import Run, file_name
 
 VIEW_SCHEMA = "scene4d/view/1"
@@ -121,13 +122,29 @@ def watched_events(folder: Path, run: Run) -> list[dict[str, Any]]:
         return []
     told: dict[str, dict[str, Any]] = {}
     for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-        try:
-            event = json.loads(line)
-            told[event["id"]] = event
-        except (ValueError, KeyError, TypeError) as error:
-            raise InputError(f"{path}: line {number}: no event: {quoted(line)}") from error
+        event = told_event(line)
+        if event is None:
+            raise InputError(f"{path}: line {number}: no event: {quoted(line)}")
+        told[event["id"]] = event
     kept = [event for event in told.values() if event.get("state") != "withdrawn"]
     return kept[-_MOST_EVENTS:]
+
+
+def told_event(line: str) -> dict[str, Any] | None:
+    """A line of what ``watch`` told; None where it is not as ``watch`` writes it."""
+    try:
+        event = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(event, dict):
+        return None
+    kinds: dict[Any, tuple[str, ...]] = {
+        str: ("id", "activity", "state", "run"),
+        dict: ("roles", "why"),
+        int | float: ("begin_s", "end_s", "score"),
+    }
+    fits = all(isinstance(event.get(name), kind) for kind, names in kinds.items() for name in names)
+    return event if fits else None
 
 
 def contents(folders: list[Path], opened: Opened, runs: list[dict[str, Any]]) -> dict[str, Any]:
@@ -139,6 +156,7 @@ def contents(folders: list[Path], opened: Opened, runs: list[dict[str, Any]]) ->
         "title": ", ".join(names),
         "site": opened.site is not None,
         "unplaced": opened.unplaced,
+        "phrases": [next(iter(one.phrases), name) for name, one in load_catalogue().items()],
         "cameras": {one.camera: camera_of(one.calibration) for one in opened.shown},
         "runs": runs,
     }

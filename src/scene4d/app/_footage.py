@@ -50,7 +50,7 @@ def footage_for_page(
             if not budget_bytes:
                 return Footage(None, view, "The footage was left out of this page.")
             if source.duration_s is None:
-                return Footage(None, view, "The footage has no clock, so it cannot be played.")
+                return Footage(None, view, "These are pictures without times: the view is shown.")
             for side, crf in _ATTEMPTS:
                 video = encoded(source, side, crf, budget_bytes)
                 if video is not None:

@@ -10,6 +10,7 @@ from scene4d.app._contents import (
     places_json,
     run_of,
     search_of,
+    told_event,
     watched_events,
 )
 from scene4d.app._footage import check_size, encoded, plays, view_of
@@ -182,7 +183,8 @@ class Served:
                     text = file.read(size - before)
                 whole = text[: text.rfind(b"\n") + 1]
                 from_bytes[str(path)] = before + len(whole)
-                found += whole.decode("utf-8").splitlines()
+                lines = whole.decode("utf-8", "replace").splitlines()
+                found += [line for line in lines if told_event(line) is not None]
         return found
 
     def told_so_far(self) -> dict[str, int]:

@@ -65,7 +65,8 @@ def serve(
     with _socket(options) as taken:
         port = taken.getsockname()[1]
         if ready is not None:
-            ready(f"http://{options.host}:{port}/")
+            name = f"[{options.host}]" if ":" in options.host else options.host
+            ready(f"http://{name}:{port}/")
         try:
             Server(app, served).run(sockets=[taken])
         finally:

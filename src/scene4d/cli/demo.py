@@ -71,6 +71,7 @@ def _show(camera: Answer, chain: "SearchResult | None", out: Path) -> None:
             f'Searched the first {_TRACKED_S:.0f} s for "{_SEARCH}":',
             f"{len(chain.events)} events{best}.",
             "\nOpen these pages:",
+            f"  {out / 'page.html'}",
             f"  {out / 'report.html'}",
             *(f"  {path}" for path in sorted((out / "scene" / "figures").glob("*"))),
             f"  {out / 'search' / 'search.html'}",
@@ -79,6 +80,7 @@ def _show(camera: Answer, chain: "SearchResult | None", out: Path) -> None:
 
 
 def _tracked_and_searched(video: Path, out: Path, progress: "Progress") -> "SearchResult":
+    from scene4d.app import ViewOptions, view
     from scene4d.searching import SearchOptions, answer, understand
     from scene4d.store.query import Scene
     from scene4d.tracking import TrackOptions, track
@@ -89,6 +91,7 @@ def _tracked_and_searched(video: Path, out: Path, progress: "Progress") -> "Sear
     track(clip, out / "camera.json", out / "scene", options, progress=progress)
     found = answer(understand(Scene.open(out / "scene"), _SEARCH, SearchOptions()), progress)
     found.save(out / "search", command=None, progress=progress)
+    view([out / "scene"], out / "page.html", ViewOptions(searches=[_SEARCH]), progress=progress)
     return found
 
 

@@ -1,10 +1,11 @@
 // Events: those that were searched for, told while watching, or asked for now (serve).
-import { $, announce, element, on, run, set, state, tell, world } from "./state.js";
+import { $, announce, download, element, on, run, set, state, tell, world } from "./state.js";
 import { clock, stopwatch } from "./look.js";
 import { seek } from "./clock.js";
 
 export function startSearch() {
   on("run searches", gather);
+  $("phrases").append(...world.data.phrases.map((phrase) => element("option", { value: phrase })));
   $("ask").hidden = !world.data.api;
   $("ask-none").hidden = Boolean(world.data.api);
   $("ask").addEventListener("submit", (event) => {
@@ -43,7 +44,25 @@ function searchList(one, number) {
     element("p", { class: "soft" }, one.verdict),
     ...one.notes.map((line) => element("p", { class: "soft small" }, line)),
     eventList(one.events.map((event) => spanned(event, one.words))),
+    element("div", { class: "row", hidden: !one.events.length },
+      element("button", { class: "quiet", onclick: () => download("events.json", JSON.stringify(one, null, 1)) }, "Save JSON"),
+      element("button", { class: "quiet", onclick: () => download("events.csv", csvOf(one.events), "text/csv") }, "Save CSV"),
+    ),
   );
+}
+
+const CSV = ["activity", "score", "probability", "begin_s", "end_s", "begin_time", "end_time", "camera", "run", "clip"];
+
+// What a spreadsheet would take for a formula is given a quote in front.
+function csvOf(events) {
+  const roles = [...new Set(events.flatMap((event) => Object.keys(event.roles)))];
+  const cell = (value) => {
+    const text = value === null || value === undefined ? "" : String(value);
+    const safe = typeof value === "string" && /^[=+@\t\r-]/.test(text) ? `'${text}` : text;
+    return /[",\n\r]/.test(safe) ? `"${safe.replaceAll('"', '""')}"` : safe;
+  };
+  const rows = events.map((event) => [...CSV.map((name) => event[name]), ...roles.map((role) => event.roles[role])]);
+  return [[...CSV, ...roles], ...rows].map((row) => row.map(cell).join(",")).join("\r\n");
 }
 
 function eventList(events) {

@@ -11,7 +11,7 @@ export const state = {
   run: 0, ms: 0, playing: false, speed: 1, tool: "look",
   hover: null, selected: null, cast: [], pointer: null, photo: true,
   layers: Object.fromEntries(LAYERS.map(([name, , on]) => [name, on])),
-  filter: { kind: "all", fastest: 0, path: 0, words: "" },
+  filter: { kind: "all", fastest: 0, path: 0, words: "", zone: "", lasting: 0 },
   tried: null, span: null,
 };
 
@@ -58,6 +58,8 @@ export function passes(brief) {
   const filter = state.filter;
   if (filter.kind !== "all" && brief.kind !== filter.kind) return false;
   if (brief.fastest < filter.fastest || brief.path < filter.path) return false;
+  if (brief.end - brief.begin < 1000 * filter.lasting) return false;
+  if (filter.zone && !brief.wasIn(filter.zone)) return false;
   return !filter.words || `${brief.class} ${brief.track}`.includes(filter.words.toLowerCase());
 }
 

@@ -2,6 +2,7 @@
 import { $, element, on, passes, run, set, state, tell } from "./state.js";
 import { plusMinus } from "./look.js";
 import { seek } from "./clock.js";
+import { placesHere } from "./places.js";
 
 const MOST_ROWS = 200;
 const COLUMNS = [
@@ -29,8 +30,20 @@ export function startTables() {
   $("filter-words").addEventListener("input", () => filter("words", $("filter-words").value.trim()));
   $("filter-fastest").addEventListener("input", () => filter("fastest", Number($("filter-fastest").value)));
   $("filter-path").addEventListener("input", () => filter("path", Number($("filter-path").value)));
+  $("filter-zone").addEventListener("change", () => filter("zone", $("filter-zone").value));
+  $("filter-lasting").addEventListener("input", () => filter("lasting", Number($("filter-lasting").value)));
+  on("places places-changed run", showZones);
   on("run rows filter", showTracks);
   on("selected", markSelected);
+}
+
+function showZones() {
+  const zones = placesHere().filter((place) => place.kind === "zone").map((place) => place.name);
+  $("filter-zone").replaceChildren(
+    element("option", { value: "" }, "anywhere"), ...zones.map((name) => element("option", { value: name }, name)),
+  );
+  if (!zones.includes(state.filter.zone)) filter("zone", "");
+  else $("filter-zone").value = state.filter.zone;
 }
 
 function filter(name, value) {

@@ -1,5 +1,7 @@
 // The rows of a run: who is where at a moment, and each track in brief.
 import { bytesOf, floats, int32 } from "./packed.js";
+import { insidePolygon } from "./camera.js";
+import { placesHere } from "./places.js";
 
 export const KINDS = {
   person: "person", bicycle: "wheels", motorcycle: "wheels",
@@ -58,9 +60,18 @@ export class Rows {
     }
     return {
       ...track, k, kind: KINDS[track.class] || "vehicle",
-      begin: this.time[first], end: this.time[last], path, fastest,
+      begin: this.time[first], end: this.time[last], path, fastest, wasIn: (zone) => this.wasIn(k, zone),
       speed: known ? sum / known : NaN, seen: seen / (last - first + 1),
     };
+  }
+
+  // Whether a track was on the ground of a zone.
+  wasIn(k, name) {
+    const zone = placesHere().find((place) => place.kind === "zone" && place.name === name);
+    if (!zone) return false;
+    const { x_m: x, y_m: y } = this.columns;
+    for (let i = this.starts[k]; i < this.starts[k + 1]; i++) if (insidePolygon(x[i], y[i], zone.points)) return true;
+    return false;
   }
 
   // The tracks that are there at a moment: k, the row before, and the share of the way to the next.
