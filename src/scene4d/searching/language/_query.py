@@ -66,7 +66,7 @@ def parse_query(
     sentences = sorted(options_of(read), key=lambda one: len(one.clocks))
     sentence = sentences[0]  # a time of day is that of the nearest words
     if len(sentences) > 1:
-        notes.append("the time of day could be read in several ways")
+        notes.append("the time of day is taken of the words beside it; say it first for the event")
     discourse = Discourse(text, grammar.lexicon)
     piece = compose(sentence.order, discourse)
     activity = _activity(piece, discourse, text, catalogue)

@@ -22,6 +22,7 @@ from scene4d.searching.predicates._when import When
 
 _ENDS = ("appears", "appears_from", "disappears", "disappears_into")
 """Predicates of a moment, which has a place."""
+_SAME = {"same", "his", "her", "its", "their"}
 _Read = Callable[[Clause, Discourse], Piece]
 
 
@@ -43,9 +44,7 @@ def with_spots(clause: Clause, discourse: Discourse, read: _Read) -> Clause:
 
 def _named(said: Said, spot: SpotSaid, clause: Clause, discourse: Discourse, read: _Read) -> Said:
     noun, words = spot.noun, discourse.said(spot.span)
-    if noun.article == "pronoun":
-        what = 'nobody is compared with himself at another time; say "another person"'
-        raise discourse.refuse(noun.span, what)
+    _check_other(noun, clause, discourse)
     known = Discourse(discourse.text, discourse.lexicon, dict(discourse.people), discourse.mentions)
     if noun.article in ("definite", "other") and known.meant(noun, noun.classes, ()) is not None:
         return _bound(said, spot, discourse, read)
@@ -62,6 +61,21 @@ def _named(said: Said, spot: SpotSaid, clause: Clause, discourse: Discourse, rea
         Spot(name, made, doer, spot.when, _phase(spot, piece)), there.people[doer].kind
     )
     return replace(said, values={**said.values, "spot": name})
+
+
+def _check_other(noun: Noun, clause: Clause, discourse: Discourse) -> None:
+    """Refuse who is, or may be, the one who is there now, and several at once."""
+    said = set(discourse.said(noun.span).casefold().split())
+    subjects = {one.kind for one in nouns_of(clause.subject)}
+    is_same = noun.article == "pronoun" or said & _SAME
+    if is_same or (noun.article == "definite" and noun.kind in subjects):
+        what = "nobody is compared with himself at another time"
+        raise discourse.refuse(noun.span, f'{what}; say "another {noun.kind}"')
+    if noun.count > 1:
+        what = "spots are those of one at a time"
+        raise discourse.refuse(
+            noun.span, f'{what}; say "another {noun.kind}", or "where people met"'
+        )
 
 
 def _done_there(spot: SpotSaid, there: Discourse, read: _Read) -> Piece:
