@@ -154,8 +154,8 @@ def _is_activity(activity: Activity, expected: str) -> bool:
 
 
 def _plays(role: Role, name: str) -> bool:
-    noun, _, count = name.partition("*")
-    if getattr(role, "count", 1) != int(count or 1):
+    noun, sign, count = re.fullmatch(r"([^*=]+)([*=]?)(\d*)", name).groups()  # type: ignore[union-attr]
+    if (role.count, role.exactly) != (int(count or 1), sign == "="):
         return False
     classes = set(role.classes)
     kinds = re.sub(r"\d", "", noun).split("+")
@@ -235,9 +235,9 @@ def _phases(part: str) -> Iterator[_Wanted]:
 
 def _term(text: str) -> Term:
     """A term; roles such as person*3 are no names of the catalogue's own."""
-    found = re.findall(r"(?<=[(,])\s*([a-z]+\d*[*+][a-z\d]+)", text)
-    term = parse_term(re.sub(r"[*+]\w+", "", text), PREDICATES)
-    whole = {re.sub(r"[*+].*", "", name): name for name in found}
+    found = re.findall(r"(?<=[(,])\s*([a-z]+\d*(?:[*+][a-z\d]+|=\d+))", text)
+    term = parse_term(re.sub(r"[*+]\w+|(?<=person)=\d+", "", text), PREDICATES)
+    whole = {re.sub(r"[*+=].*", "", name): name for name in found}
     return replace(term, roles=tuple(whole.get(role, role) for role in term.roles))
 
 

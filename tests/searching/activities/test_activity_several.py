@@ -16,19 +16,21 @@ LIT = Term("lit", ("person",))
 BY_CAR = Term("near", ("person", "vehicle"), {"tau_m": 3.0})
 
 
-def several(count, *terms, min_s=0.0):
-    roles = [Role("person", ("person",), count), Role("vehicle", ("car",))]
+def several(count, *terms, min_s=0.0, exactly=False):
+    roles = [Role("person", ("person",), count, exactly), Role("vehicle", ("car",))]
     used = {role for term in terms for role in term.roles}
     phases = (Phase("so", terms, min_s),)
     return Activity("several", tuple(r for r in roles if r.name in used), phases)
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.lists(st.floats(0.0, 1.0), min_size=3, max_size=6), st.integers(2, 4))
-def test_the_score_is_that_he_is_and_enough_others_are(chances, count):
+@given(st.lists(st.floats(0.0, 1.0), min_size=3, max_size=6), st.integers(2, 4), st.booleans())
+def test_the_score_is_that_he_is_and_enough_others_are(chances, count, exactly):
     """Against the sum over all ways in which the others may be."""
     people = [track(k, stay((5.0 * k, 0), 1), lit=[p] * 5) for k, p in enumerate(chances, 1)]
-    found = find(stage(*people), several(count, LIT), min_score=0.05, predicates=FAKES)
+    found = find(
+        stage(*people), several(count, LIT, exactly=exactly), min_score=0.05, predicates=FAKES
+    )
     best = 0.0
     for k, own in enumerate(chances):
         others = [p for j, p in enumerate(chances) if j != k and p > 0.01]
@@ -36,7 +38,7 @@ def test_the_score_is_that_he_is_and_enough_others_are(chances, count):
         enough = sum(
             np.prod([p if w else 1 - p for p, w in zip(others, way, strict=True)])
             for way in ways
-            if sum(way) >= count - 1
+            if sum(way) == count - 1 or (sum(way) >= count and not exactly)
         )
         best = max(best, own * enough)
     if best < 0.049:
@@ -44,7 +46,8 @@ def test_the_score_is_that_he_is_and_enough_others_are(chances, count):
     elif best > 0.051:
         assert len(found) == 1  # they do it together, once
         assert found[0].score == pytest.approx(best, abs=1e-6)
-        assert f"so: at least {count} (person)" in found[0].why
+        said = "exactly" if exactly else "at least"
+        assert f"so: {said} {count} (person)" in found[0].why
         assert np.prod(list(found[0].why.values())) == pytest.approx(best, abs=1e-6)
 
 

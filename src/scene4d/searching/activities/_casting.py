@@ -280,7 +280,7 @@ def _order(keys: list[np.ndarray]) -> Int[np.ndarray, "n"]:
 
 def is_symmetric(activity: Activity, predicates: Mapping[str, Predicate]) -> bool:
     """Whether swapping two roles leaves the activity unchanged."""
-    if any(role.count > 1 for role in activity.roles):
+    if any(role.is_counted for role in activity.roles):
         return False
     if len(activity.roles) != 2 or set(activity.roles[0].classes) != set(activity.roles[1].classes):
         return False

@@ -24,7 +24,7 @@ def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> N
         check_names("phase", [phase.name for phase in activity.phases])
         for role in activity.roles:
             check_role(role)
-        if sum(role.count > 1 for role in activity.roles) > 1:
+        if sum(role.is_counted for role in activity.roles) > 1:
             raise InputError("two roles that several play, expected one at most")
         names = [role.name for role in activity.roles]
         for phase in activity.phases:

@@ -91,13 +91,15 @@ def gather(
 
 def played_by_several(activity: Activity) -> Role | None:
     """The role that several play, if there is one."""
-    return next((role for role in activity.roles if role.count > 1), None)
+    return next((role for role in activity.roles if role.is_counted), None)
 
 
 def at_least_text(activity: Activity) -> str:
     """How many play the role that several play, in words."""
     role = played_by_several(activity)
-    return f"at least {role.count} ({role.name})" if role else ""
+    if role is None:
+        return ""
+    return f"{'exactly' if role.exactly else 'at least'} {role.count} ({role.name})"
 
 
 def _enough(
@@ -123,7 +125,7 @@ def _enough(
         own = [np.nan_to_num(values)[order] for term, values in said if role.name in term.roles]
         if own:
             p = np.prod(own, axis=0)
-            found[number, order] = _others(p, group, begin, size, role.count - 1)
+            found[number, order] = _others(p, group, begin, size, role)
     return found
 
 
@@ -132,9 +134,9 @@ def _others(
     group: Int[np.ndarray, "n"],
     begin: Int[np.ndarray, "k"],
     size: Int[np.ndarray, "k"],
-    least: int,
+    role: Role,
 ) -> Float[np.ndarray, "n"]:
-    """P(at least ``least`` of the others of each one's group); who is unlikely himself counts as
+    """P(so many others of each one's group as the role says); who is unlikely himself counts as
     nobody, and has no value.
     """
     likely = np.flatnonzero(p > _UNLIKELY)
@@ -143,8 +145,10 @@ def _others(
     high = np.searchsorted(likely, begin + size)[group[likely]]
     owner, other = expand(low, high - low)
     apart = owner != other
-    found = np.zeros(len(p))
-    found[likely] = at_least(owner[apart], p[likely[other[apart]]], len(likely), least)
+    found, others = np.zeros(len(p)), (owner[apart], p[likely[other[apart]]], len(likely))
+    found[likely] = at_least(*others, role.count - 1)
+    if role.exactly:
+        found[likely] -= at_least(*others, role.count)
     return found
 
 

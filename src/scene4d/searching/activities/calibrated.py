@@ -73,7 +73,7 @@ def fingerprint(activity: Activity) -> str:
         for phase in activity.phases
     ]
     said += [[r.first, r.relation, r.second] for r in activity.relations]
-    said += [role.count for role in activity.roles if role.count > 1]
+    said += [(role.count, role.exactly) for role in activity.roles if role.is_counted]
     return hashlib.sha256(json.dumps(said).encode()).hexdigest()[:16]
 
 

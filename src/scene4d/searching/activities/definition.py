@@ -17,12 +17,18 @@ class Role:
     """A part in an activity: who may play it. ``classes`` are those of :data:`tracks.CLASSES`.
 
     Where ``count`` is more than one, at least so many play it at the same time, and one of them
-    throughout.
+    throughout; where it is ``exactly`` so many, no more.
     """
 
     name: str
     classes: tuple[str, ...]
     count: int = 1
+    exactly: bool = False
+
+    @property
+    def is_counted(self) -> bool:
+        """Whether it matters how many play it."""
+        return self.count > 1 or self.exactly
 
 
 @dataclass(frozen=True)

@@ -188,12 +188,26 @@ def _read(clause: Clause, discourse: Discourse) -> Piece:
         what = f'"{said}" does what? Say for example "a person stands for 10 seconds"'
         raise discourse.refuse(clause.span, what)
     clause = with_spots(clause, discourse, _clause)
+    _check_exactly(clause, discourse)
     if isinstance(clause.core, Done):
         piece = _done(clause, clause.core, discourse)
     else:
         assert isinstance(clause.core, Said)
         piece = state_of(clause, clause.core, discourse)
     return piece if delay is None else replace(piece, delay=delay)
+
+
+def _check_exactly(clause: Clause, discourse: Discourse) -> None:
+    """Refuse exactly so many who do something, or are something to one another."""
+    core = clause.core
+    mutual = isinstance(core, Said) and core.entry.mutual
+    mutual |= any(isinstance(one, Said) and one.entry.mutual for one in clause.modifiers)
+    nouns = nouns_of(clause.subject) if isinstance(core, Done) or mutual else ()
+    nouns += core.nouns if isinstance(core, Done) else ()
+    for noun in nouns:
+        if noun.exactly:
+            what = 'exactly so many can be said of what they are, as in "are in zone NAME"'
+            raise discourse.refuse(noun.span, what)
 
 
 def _done(clause: Clause, done: Done, discourse: Discourse) -> Piece:

@@ -22,13 +22,14 @@ _Meant = TypeVar("_Meant")
 @dataclass(frozen=True)
 class _Referent:
     """Somebody in a search: the name of the role, its kind, the classes that may play it, and at
-    least how many do so at the same time.
+    least how many do so at the same time, or exactly.
     """
 
     name: str
     kind: str
     classes: tuple[str, ...]
     count: int = 1
+    exactly: bool = False
 
 
 @dataclass
@@ -89,7 +90,9 @@ class Discourse:
 
     def roles(self) -> tuple[Role, ...]:
         """Everybody as roles, in the order in which they came up."""
-        return tuple(Role(one.name, one.classes, one.count) for one in self.people.values())
+        return tuple(
+            Role(one.name, one.classes, one.count, one.exactly) for one in self.people.values()
+        )
 
     def mention(self, name: str) -> None:
         """Somebody is spoken of again."""
@@ -126,7 +129,9 @@ class Discourse:
         self.remark(noun)
         if name is None:
             wanted = "anything" if noun.kind == "any" else noun.kind
-            return self.add(noun.kind, noun.classes, wanted, noun.count)
+            name = self.add(noun.kind, noun.classes, wanted, noun.count)
+            self.people[name] = replace(self.people[name], exactly=noun.exactly)
+            return name
         if noun.count not in (1, self.people[name].count):
             raise self.refuse(noun.span, f"{name} was named before, and so many were not")
         if noun.classes:
@@ -184,7 +189,9 @@ class Discourse:
             return
         if entry.note:
             self.note(f'"{noun.word}" is taken as any {entry.kind}: {entry.note}')
-        if noun.count > 1:
+        if noun.exactly:
+            pass  # it is said as it is meant
+        elif noun.count > 1:
             self.note(
                 f'"{self.said(noun.span)}" is taken as at least {noun.count} at the same time'
             )

@@ -101,11 +101,10 @@ def _explained(activity: Activity) -> list[str]:
 
 
 def _at_least(role: Role) -> str:
-    return (
-        f"at least {role.count} at the same time, one of them throughout, "
-        if role.count > 1
-        else ""
-    )
+    if not role.is_counted:
+        return ""
+    many = f"{'exactly' if role.exactly else 'at least'} {role.count}"
+    return f"{many} at the same time, one of them throughout, "
 
 
 def _lasting(phase: Phase) -> str:

@@ -72,6 +72,12 @@ class _Owner:
 
 
 @dataclass(frozen=True)
+class _Count:
+    number: int
+    exactly: bool = False
+
+
+@dataclass(frozen=True)
 class _Pause:
     seconds: float | None
 
@@ -187,20 +193,22 @@ class _Reader(TimeReader):
             any(polarity.is_state for polarity in all_of(children, Polarity)),
         )
 
-    def _count(self, children: list, span: Span) -> int:
-        """How many at least: "three", "more than two"."""
+    def _count(self, children: list, span: Span) -> _Count:
+        """How many at least: "three", "more than two"; or exactly."""
         marks = {mark.name: " ".join(mark.words) for mark in all_of(children, Mark)}
         if "s_several" in marks:
             self.notes.append(f'"{marks["s_several"]}" is taken as at least {_SEVERAL}')
-            return _SEVERAL
+            return _Count(_SEVERAL)
+        if "s_one" in marks:
+            return _Count(1, True)
         if "s_two" in marks:
-            return 2
+            return _Count(2)
         said = next(child for child in children if isinstance(child, Fraction | Token))
         number = said if isinstance(said, Fraction) else read_number(said, self._text, span[0])
         is_more = marks.get("s_at_least", "") in self._lexicon.sets["more_than"]
         if number.denominator != 1 or not 1 <= number <= _MOST_COUNTED:
             raise refuse(self._text, span[0], f"a whole number up to {_MOST_COUNTED} is expected")
-        return int(number) + is_more
+        return _Count(int(number) + is_more, "s_exactly" in marks)
 
     def _said(self, number: int, children: list, span: Span, is_verb: bool) -> Said:
         entry = self._lexicon.states[number]
@@ -334,6 +342,7 @@ class _Reader(TimeReader):
         if word in entry.indefinite and not articles:
             articles = {"indefinite"}
         surface = self._text[slice(*span)].casefold()
+        count = first_of(children, _Count) or _Count(1)
         return Noun(
             kinds.pop() if len(kinds) == 1 else "any",
             tuple(name for name in CLASSES if name in classes),
@@ -343,7 +352,8 @@ class _Reader(TimeReader):
             tuple(adjectives),
             relatives,
             word == "people" or re.search(rf"\b{re.escape(word)}\b", surface) is None,
-            first_of(children, int) or 1,
+            count.number,
+            count.exactly,
         )
 
     def relative(self, _meta: Any, children: list) -> tuple:

@@ -56,7 +56,8 @@ class Choice:
 class Noun:
     """Somebody: ``kind`` ("person", "vehicle"; "any" for they), ``classes`` they may have (none
     for a pronoun), how they are introduced (``article``: indefinite, definite, new, bare, pronoun,
-    reciprocal, none for nobody), at least how many they are, and what else is said of them.
+    reciprocal, none for nobody), at least how many they are, or ``exactly``, and what else is said
+    of them.
     """
 
     kind: str
@@ -68,6 +69,7 @@ class Noun:
     relatives: tuple["Said", ...] = ()
     is_plural: bool = False
     count: int = 1
+    exactly: bool = False
 
 
 @dataclass(frozen=True)
