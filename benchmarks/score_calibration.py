@@ -4,8 +4,9 @@
 
 DIR holds meva/. For each activity with at least 20 labels there, events are matched with labels by
 NIST's rule, and the share of right ones is fitted as a rising function of the score: beta
-calibration (Kull et al. 2017; three parameters), or isotonic regression where that is better on
-cameras left out. Where their share of right events alone says more, there is no probability. With
+calibration (Kull et al. 2017; three parameters), or isotonic regression where its expected error is
+smaller on cameras left out. Where their share of right events alone says more (by the Brier score),
+there is no probability. With
 --write the result becomes the file that searches use. The cameras that `scene4d evaluate meva`
 reports are never looked at.
 """
@@ -98,20 +99,24 @@ def weighed(measure: Callable, parts: Sequence[Part], guesses: Sequence[np.ndarr
     return float(np.average(errors, weights=events))
 
 
+def expected_error(p: np.ndarray, right: np.ndarray) -> float:
+    """The expected calibration error."""
+    return reliability(p, right).expected_error
+
+
 def calibrate(parts: Sequence[Part]) -> dict:
     """The better curve of the scores and outcomes of some cameras, and how good it is."""
     score, right = (np.concatenate(column) for column in zip(*parts, strict=True))
     guesses = {name: left_out(name, parts) for name in CURVES}
-    error = {name: weighed(brier_score, parts, p) for name, p in guesses.items()}
-    best = min(error, key=error.__getitem__)
-    off = weighed(lambda p, y: reliability(p, y).expected_error, parts, guesses[best])
+    off = {name: weighed(expected_error, parts, p) for name, p in guesses.items()}
+    best = min(off, key=off.__getitem__)
     probability = np.clip(CURVES[best](score, right)(GRID), LIMIT, 1 - LIMIT)
     return {
         "curve": best,
         "events": len(score),
         "precision": round(float(right[score >= MIN_SCORE].mean()), 3),
-        "expected_error": round(off, 3),
-        "brier_score": round(error[best], 4),
+        "expected_error": round(off[best], 3),
+        "brier_score": round(weighed(brier_score, parts, guesses[best]), 4),
         "brier_score_of_share": round(
             weighed(lambda _, right: right.var(), parts, guesses[best]), 4
         ),

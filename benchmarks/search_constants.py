@@ -49,7 +49,7 @@ def main() -> None:
     folder = Path(__file__).parents[2] / "shared" / "data"
     parser.add_argument("--data", type=Path, default=os.environ.get("SCENE4D_DATA", folder))
     arguments = parser.parse_args()
-    with patch.object(meva, "unite_tracks", lambda stage: stage):
+    with patch.object(meva, "unite_tracks", lambda stage, _: stage):
         clips = meva.meva_clips(Path(arguments.data) / "meva", TUNED, Silent())
     print(f"as it is: {precision(clips):.3f}", flush=True)
     for module, name, values in CONSTANTS:

@@ -171,15 +171,15 @@ def _clip(path: Path, annotated: Detections, ground: Ground) -> Clip:
     begin, end = (datetime.strptime(name[key], "%H-%M-%S") for key in ("begin", "end"))
     stem = path.name.removesuffix(_GEOM)
     stage = stage_of(_followed(annotated, ground), ground.calibration, everybody=False)
-    before = stage.tracks.track[stage.first_row]
+    before, united = stage.tracks.track[stage.first_row], united_numbers(stage)
     return Clip(
         name=stem,
         camera=ground.camera,
         minutes=(end - begin) % timedelta(days=1) / timedelta(minutes=1),
-        stage=unite_tracks(stage),
+        stage=unite_tracks(stage, united),
         ground=ground,
         labelled=read_activities(path.with_name(stem + _ACTIVITIES)),
-        united=dict(zip(before.tolist(), united_numbers(stage).tolist(), strict=True)),
+        united=dict(zip(before.tolist(), united.tolist(), strict=True)),
     )
 
 

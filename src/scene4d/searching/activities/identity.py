@@ -24,15 +24,16 @@ _RESUMED_S = 1.0
 """Longest time after which a track may be taken up by another."""
 
 
-def unite_tracks(stage: Stage) -> Stage:
+def unite_tracks(stage: Stage, united: Int[np.ndarray, "t"] | None = None) -> Stage:
     """The stage with one track for each object that has several.
 
     Two tracks of one class are one object where their boxes coincide at most of their common
     moments, or where one begins within :data:`_RESUMED_S` in the box in which the other ended.
     A united track has the smallest number of its parts, and at each moment the row of the part that
-    has most rows. Annotations that draw an actor anew for every activity need this.
+    has most rows. Annotations that draw an actor anew for every activity need this. ``united`` are
+    its :func:`united_numbers` where they are known.
     """
-    united = united_numbers(stage)
+    united = united_numbers(stage) if united is None else united
     length = stage.last_row - stage.first_row + 1
     of = stage.track_of_row
     track = united[of]
