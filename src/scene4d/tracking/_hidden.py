@@ -19,8 +19,8 @@ from scene4d.tracking._motion_model import MOTIONS, moving_noise
 
 MEAN_HIDDEN_S = 10.0
 """How long people stay behind something, on average. Chosen by hand: at 1.3 m/s a car is passed in
-4 s and a bus in 8 s, and who rests or loads something there stays for longer. With 5 s half as many
-of those who are hidden for 8 to 11 s keep their number (``python -m benchmarks.hidden``)."""
+4 s and a bus in 8 s, and who rests or loads something there stays for longer. What that gives:
+``python -m benchmarks.hidden``."""
 LONGEST_S = 15.0
 """After this nobody is expected to come out: whoever does may be anybody. Chosen by hand."""
 _COMES_OUT = 0.5
