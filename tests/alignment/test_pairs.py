@@ -81,6 +81,13 @@ def test_one_who_walks_steadily_along_a_line_is_refused():
     assert not _alone([steady])
 
 
+def test_people_who_walk_one_way_leave_the_offset_open():
+    """Found two seconds and three metres off before the offset was tried."""
+    found = link(*views(made_site(7, overlap=0.0)))
+    assert not found
+    assert "time offset" in found.reason
+
+
 def test_a_camera_without_tracks_is_named():
     site = made_site(3, walks=[Walk(np.arange(0, 9, 0.2), np.full((45, 2), 900.0))], false=0.0)
     assert "tracked nobody" in link(*views(site)).reason

@@ -12,6 +12,7 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import lfilter
 
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
@@ -244,12 +245,11 @@ def _parts(rng, good, frames, rate):
 def _errors(rng, at):
     """What stays for seconds, and noise as smoothing leaves it."""
     n = len(at)
-    error = np.empty((n, 2))
-    error[0] = BIAS_M * rng.standard_normal(2)
-    keep = np.exp(-np.diff(at) / BIAS_S)
-    kick = BIAS_M * np.sqrt(1 - keep**2)
-    for i in range(1, n):
-        error[i] = keep[i - 1] * error[i - 1] + kick[i - 1] * rng.standard_normal(2)
+    step = float(np.median(np.diff(at))) if n > 1 else 1.0
+    keep = np.exp(-step / BIAS_S)
+    kick = BIAS_M * np.sqrt(1 - keep**2) * rng.standard_normal((n, 2))
+    kick[0] *= 1 / np.sqrt(1 - keep**2)
+    error = lfilter([1.0], [1.0, -keep], kick, axis=0)
     return error + NOISE_M * rng.standard_normal((n, 2))
 
 

@@ -49,7 +49,7 @@ _FREEDOM = 4.0
 """Student's degrees of freedom of a tick's noise: mistaken boxes do not pull."""
 _MOST_TICKS = 80
 """Ticks of one match that are looked at; of longer ones every second, third, ..."""
-_MOST_MATCHES = 150
+_MOST_MATCHES = 100
 _STEPS = 8
 _PRIOR_MATCHES = 8.0
 """The noise assumed counts as that of so many matches against what they show: so many tell a

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from scene4d.alignment._factor import Factor, Match, factor_of, matches
 from scene4d.alignment._hypotheses import hypotheses
 from scene4d.alignment._paths import Paths, View
-from scene4d.alignment._score import Crowd, Fit, Meetings, fitted
+from scene4d.alignment._score import Crowd, Fit, Meetings, fitted, later
 
 MAX_OFFSET_S = 300.0
 """Clocks are set to within five minutes of each other, unless it is known better."""
@@ -34,6 +34,8 @@ _ROUGH = 4.0
 """Variance with which candidates are compared before they are moved, over that of good fits."""
 _HALF = 0.5
 """Share of that by which candidates differ before they are moved."""
+_LATER_S = (-3.0, -1.5, 1.5, 3.0)
+"""Changes of the offset (s) that an alignment must not survive."""
 _ELSEWHEN_S = 5.0
 """Candidates at an offset so far from the best one's are accidents."""
 _MOST_SIGMA_M, _MOST_SIGMA_RAD, _MOST_SIGMA_S = 1.0, np.radians(12.0), 1.0
@@ -84,9 +86,11 @@ def link(
     chance = _accident(best, real, decoys)
     best = fitted(meetings, best, (1.0, 1.0))
     matching = meetings.matching(best)
-    refused = _refusal(best, real, chance, b.paths)
-    if refused is None and not matching.pairs:
-        refused = _NOBODY
+    refused = _refusal(best, real, chance, b.paths) if matching.pairs else _NOBODY
+    if refused is None and any(
+        later(meetings, best, seconds).score > best.score - _MARGIN for seconds in _LATER_S
+    ):
+        refused = _FREE_OFFSET
     if refused is not None:
         return Link(*numbers, reason=refused, score=best.score, accident=chance)
     found = matches(meetings, matching)
@@ -104,6 +108,12 @@ def link(
 _NOBODY = (
     "the tracks fit together no better than those of different people; "
     "the cameras share nobody, or too few"
+)
+
+
+_FREE_OFFSET = (
+    "the time offset is not determined: who both cameras saw walked steadily one way, "
+    "and a shift along it fits as well"
 )
 
 

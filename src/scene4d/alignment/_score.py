@@ -261,7 +261,26 @@ def fitted(meetings: Meetings, fit: Fit, wide: tuple[float, ...] = _WIDE) -> Fit
     return Fit(here.parameters, after) if after > before else Fit(fit.parameters, before)
 
 
-def _step(meetings: Meetings, fit: Fit, matching: Matching) -> Float[np.ndarray, "5"]:
+def later(meetings: Meetings, fit: Fit, seconds: float) -> Fit:
+    """The best fit with the clocks so much further apart: people walking one way allow it, for a
+    shift along their way does the same.
+    """
+    matching = meetings.matching(fit)
+    way = meetings.b.paths.velocity_mps[matching.row_b].mean(axis=0) @ fit.linear.T
+    start = fit.parameters + np.array([*(way * seconds), 0.0, 0.0, seconds])
+    here = Fit(start)
+    for widen in _WIDE:
+        matching = meetings.matching(here, widen)
+        if len(matching.row_a) < 4:
+            break
+        here = Fit(here.parameters + _step(meetings, here, matching, held=True))
+    return Fit(here.parameters, meetings.matching(here).score)
+
+
+def _step(
+    meetings: Meetings, fit: Fit, matching: Matching, held: bool = False
+) -> Float[np.ndarray, "5"]:
+    """Gauss-Newton's step over the matches; the offset stays where it is ``held``."""
     a, b = meetings.a.paths.taken(matching.row_a), meetings.b.paths.taken(matching.row_b)
     offset = fit.parameters[4]
     seen = b.xy_m + b.velocity_mps * (a.tick * STEP_S - offset - b.tick * STEP_S)[:, None]
@@ -277,7 +296,8 @@ def _step(meetings: Meetings, fit: Fit, matching: Matching) -> Float[np.ndarray,
     q = (step**2).sum(axis=1) / variance
     weight = (STEP_S / _FACT_S) / variance / (1 + q / 4)
     normal = np.einsum("nap,n,naq->pq", jacobian, weight, jacobian) + np.diag(_FIT_SIGMA**-2.0)
-    normal += np.diag([1e-3, 1e-3, 1e-2, 0.0, 1e-2])  # what nothing tells stays where it is
+    # What nothing tells stays where it is.
+    normal += np.diag([1e-3, 1e-3, 1e-2, 0.0, 1e9 if held else 1e-2])
     force = np.einsum("nap,n,na->p", jacobian, weight, step) - fit.parameters * _FIT_SIGMA**-2.0
     moved: np.ndarray = np.linalg.solve(normal, force)
     moved[4] = np.clip(moved[4], -_LONGEST_STEP_S, _LONGEST_STEP_S)
