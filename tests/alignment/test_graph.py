@@ -13,7 +13,7 @@ from scene4d.alignment._pairs import link
 
 @pytest.fixture(scope="module")
 def street():
-    site = made_site(4, cameras=3, overlap=0.6, per_minute=10.0)
+    site = made_site(4, cameras=3, overlap=0.6, minutes=1.5)
     seen = views(site)
     links = [link(seen[a], seen[b], (a, b)) for a, b in ((0, 1), (1, 2), (0, 2))]
     return site, seen, links
@@ -36,7 +36,7 @@ def test_a_wrong_pair_is_thrown_out_of_the_loop(street):
     step = np.zeros(len(factor.at))
     step[:4] = 6.0, -4.0, 1.0, 9.0
     moved = replace(factor, at=factor.at + step, vector=factor.vector + factor.information @ step)
-    solution = solve(seen, [*links[:2], replace(links[2], factor=moved, found=())])
+    solution = solve(seen, [*links[:2], replace(links[2], factor=moved, found=(), score=10.0)])
     assert len(solution.rejected) == 1
     assert "contradicts" in solution.rejected[0][1]
     right = solve(seen, links[:2])

@@ -144,21 +144,25 @@ def _around(paths: Paths) -> Float[np.ndarray, "4 2"]:
     return points
 
 
-def _different(fits: list[Fit], around: Float[np.ndarray, "4 2"], share: float = 1.0) -> list[Fit]:
+def _different(
+    fits: list[Fit], around: Float[np.ndarray, "4 2"], share: float = 1.0
+) -> list[Fit]:
     """Best first, without those that say the same as a better one."""
-    kept: list[Fit] = []
-    for fit in sorted(fits, key=lambda one: -one.score):
-        if all(_apart(fit, other, around, share) for other in kept):
-            kept.append(fit)
-    return kept
+    fits = sorted(fits, key=lambda one: -one.score)
+    where = np.array([fit.mapped(around) for fit in fits]).reshape(-1, 4, 2)
+    when = np.array([fit.parameters[4] for fit in fits])
+    kept: list[int] = []
+    for k in range(len(fits)):
+        late = np.abs(when[kept] - when[k]) > share * _APART_S
+        step = ((where[kept] - where[k]) ** 2).sum(axis=2).mean(axis=1)
+        if (late | (step > (share * _APART_M) ** 2)).all():
+            kept.append(k)
+    return [fits[k] for k in kept]
 
 
-def _apart(fit: Fit, other: Fit, around: Float[np.ndarray, "4 2"], share: float = 1.0) -> bool:
-    """Whether two alignments differ by a share of what makes rivals."""
-    if abs(fit.parameters[4] - other.parameters[4]) > share * _APART_S:
-        return True
-    step = fit.mapped(around) - other.mapped(around)
-    return float(np.sqrt((step**2).sum(axis=1).mean())) > share * _APART_M
+def _apart(fit: Fit, other: Fit, around: Float[np.ndarray, "4 2"]) -> bool:
+    """Whether two alignments differ by what makes rivals."""
+    return len(_different([fit, other], around)) > 1
 
 
 def _accident(best: Fit, real: list[Fit], decoys: list[Fit]) -> float:
