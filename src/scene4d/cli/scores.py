@@ -6,7 +6,7 @@ from rich.table import Table
 
 from scene4d.cli.output import screen
 from scene4d.core.body import PERSON_HEIGHT_M
-from scene4d.evaluation.pages._site import COLUMNS, site_facts, site_lines, site_verdict
+from scene4d.evaluation.pages.site import COLUMNS, site_facts, site_lines, site_verdict
 from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation
 from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Setting
 from scene4d.evaluation.trials.sites import SiteEvaluation

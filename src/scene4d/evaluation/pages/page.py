@@ -21,9 +21,9 @@ from scene4d.evaluation.pages._pictures import (
     draw_points,
 )
 from scene4d.evaluation.pages._rings import draw_rings
-from scene4d.evaluation.pages._site import draw_site, render_site
 from scene4d.evaluation.pages._table import table
 from scene4d.evaluation.pages._words import HEADINGS, alternative, caption, paragraphs, verdict
+from scene4d.evaluation.pages.site import draw_site, render_site
 from scene4d.evaluation.trials.activities import ActivityEvaluation
 from scene4d.evaluation.trials.outcomes import Evaluation
 from scene4d.evaluation.trials.sites import SiteEvaluation
