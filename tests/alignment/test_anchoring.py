@@ -43,7 +43,7 @@ def points(rng, names=("west", "west", "west", "east", "east"), sigma=0.2, kind=
 
 def test_the_frame_becomes_that_of_the_anchors_as_well_as_it_says():
     ratio, inside = [], 0
-    for seed in range(60):
+    for seed in range(40):
         found, anchor = tied(cameras(), points(np.random.default_rng(seed)))
         expected = SECOND.then(WORLD)
         apart = (found["east"].parameters - expected.parameters)[:4]
@@ -55,7 +55,7 @@ def test_the_frame_becomes_that_of_the_anchors_as_well_as_it_says():
         assert anchor.kind == "plan" and len(anchor.residual_m) == 5
         assert found["east"].time_offset_s == 3.0
     assert 0.4 < np.mean(ratio) < 1.4
-    assert inside >= 54
+    assert inside >= 36
 
 
 def test_a_known_camera_is_an_anchor():

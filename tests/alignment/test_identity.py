@@ -8,7 +8,7 @@ import pytest
 
 from scene4d.alignment import _identity
 from scene4d.alignment._identity import identified, passages_of
-from scene4d.alignment._marginals import marginals
+from scene4d.alignment._marginals import all_of, marginals, named
 from scene4d.core.tracks import Tracks
 from scene4d.store.identities import Identities
 from scene4d.store.site import in_site
@@ -49,16 +49,16 @@ def judged(found: Identities, whose) -> tuple[int, int, int]:
 
 def test_who_is_seen_by_several_has_one_number_and_strangers_have_two():
     right = wrong = missed = 0
-    for seed in range(6):
+    for seed in range(3):
         passages, whose = looked([WEST, EAST, NORTH], strolls(40, 180.0, 12.0, seed), seed)
         r, w, m = judged(identified(passages), whose)
         right, wrong, missed = right + r, wrong + w, missed + m
-    assert right > 700
+    assert right > 350
     assert wrong < 0.03 * right and missed < 0.15 * right
 
 
 def test_nobody_is_in_two_places_at_once():
-    passages, _ = looked([WEST, EAST, NORTH], strolls(80, 120.0, 8.0))
+    passages, _ = looked([WEST, EAST, NORTH], strolls(50, 90.0, 8.0))
     found = identified(passages)
     assert sorted(np.unique(found.identity)) == list(range(1, found.identity.max() + 1))
     assert len(found) == sum(map(len, passages))
@@ -161,7 +161,10 @@ def test_marginals_are_those_of_all_pairings_counted_out(seed):
     i, j = (index.ravel() for index in np.indices(odds.shape))
     same_row = np.argwhere((i[:, None] == i) & (j[:, None] != j))
     same_column = np.argwhere((j[:, None] == j) & (i[:, None] != i))
-    found = marginals(np.log(odds).ravel(), same_row, same_column).reshape(odds.shape)
+    listed = named(9, same_row), named(9, same_column)
+    found = marginals(np.log(odds).ravel(), *listed).reshape(odds.shape)
     np.testing.assert_allclose(found, counted(odds), atol=0.1)
-    alone = marginals(np.log(odds).ravel(), same_row[:0], same_column[:0])
+    shared = marginals(np.log(odds).ravel(), all_of(i), all_of(j)).reshape(odds.shape)
+    np.testing.assert_allclose(shared, found, atol=1e-12)
+    alone = marginals(np.log(odds).ravel(), named(9, same_row[:0]), named(9, same_column[:0]))
     np.testing.assert_allclose(alone, (odds / (1 + odds)).ravel())

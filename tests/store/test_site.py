@@ -121,7 +121,7 @@ def test_fused_rows_are_nearer_to_the_truth_and_say_so(tmp_path):
     """Every camera has one error in all its rows, so only many worlds tell its size."""
     walkers = strolls(4, 40.0, 5.0)
     ratio, alone, together = [], [], []
-    for seed in range(30):
+    for seed in range(20):
         parts = []
         for eye in (WEST, EAST):
             tracks, whose = seen(eye, walkers, seed)

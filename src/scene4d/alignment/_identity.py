@@ -13,7 +13,7 @@ from itertools import combinations, permutations
 import numpy as np
 from jaxtyping import Float, Int
 
-from scene4d.alignment._marginals import marginals
+from scene4d.alignment._marginals import all_of, marginals, named
 from scene4d.alignment._sameness import TICK_S, Pairs, Passages, met
 from scene4d.alignment._transit import transits
 from scene4d.core.tracks import Tracks
@@ -64,10 +64,11 @@ def identified(cameras: Sequence[Passages]) -> Identities:
     group.refuse(together)
     group.join(_overlapping(together, group))
     chains = group.chains()
-    later = [
-        (base[p], base[q], transits(cameras[p], cameras[q], _span_s(cameras[q])))
-        for p, q in permutations(range(len(cameras)), 2)
-    ]
+    later = []
+    for p, q in permutations(range(len(cameras)), 2):
+        open_ends = chains.ends(base[p], cameras[p]), chains.begins(base[q], cameras[q])
+        pairs = transits(cameras[p], cameras[q], _span_s(cameras[q]), open_ends)
+        later.append((base[p], base[q], pairs))
     group.join(_across_gaps(later, chains))
     return group.identities()
 
@@ -77,7 +78,7 @@ def _overlapping(together: Sequence[tuple[int, int, Pairs]], group: "_Groups") -
     found = [(np.zeros(0, int), np.zeros(0, int), np.zeros(0))]
     for base_a, base_b, pairs in together:
         a, b = pairs.a + base_a, pairs.b + base_b
-        by_row, by_column = _rivals(a, b, group), _rivals(b, a, group)
+        by_row, by_column = (named(len(a), _rivals(x, y, group)) for x, y in ((a, b), (b, a)))
         found.append((a, b, marginals(pairs.log_ratio, by_row, by_column)))
     return _Joins(*(np.concatenate(column) for column in zip(*found, strict=True)))
 
@@ -101,10 +102,9 @@ def _across_gaps(later: Sequence[tuple[int, int, Pairs]], chains: "_Chains") -> 
     b = np.concatenate([pairs.b + base for _, base, pairs in later] or [np.zeros(0, int)])
     odds = np.concatenate([pairs.log_ratio for *_, pairs in later] or [np.zeros(0)])
     way = np.repeat(np.arange(len(later)), [len(pairs.a) for *_, pairs in later])
-    chain_a, chain_b = chains.number[a], chains.number[b]
-    kept = (chains.last[chain_a] == a) & (chains.first[chain_b] == b) & (chain_a != chain_b)
+    kept = chains.number[a] != chains.number[b]
     a, b, odds, way = a[kept], b[kept], odds[kept], way[kept]
-    by_end, by_beginning = _sharing(a), _sharing(b)
+    by_end, by_beginning = all_of(a), all_of(b)
     leave = np.array([len(np.unique(a[way == k])) for k in range(len(later))])
     come = np.full(len(later), _COMES / _OF)
     found = np.zeros(len(a))
@@ -139,6 +139,16 @@ class _Chains:
     number: Int[np.ndarray, "t"]
     first: Int[np.ndarray, "k"]
     last: Int[np.ndarray, "k"]
+
+    def ends(self, base: int, camera: Passages) -> Int[np.ndarray, "n"]:
+        """Tracks of a camera with which a chain ends, by their places in the camera."""
+        inside = (self.last >= base) & (self.last < base + len(camera))
+        return np.sort(self.last[inside] - base)
+
+    def begins(self, base: int, camera: Passages) -> Int[np.ndarray, "n"]:
+        """Those with which a chain begins."""
+        inside = (self.first >= base) & (self.first < base + len(camera))
+        return np.sort(self.first[inside] - base)
 
 
 class _Groups:

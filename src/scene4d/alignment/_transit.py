@@ -21,17 +21,28 @@ _SPEED_MPS = np.array([1.0, 3.0, 6.0])
 _BAND_M = 2.0
 """Depth of the border in which somebody who enters a view is found first (m); over as much the
 rate of beginnings is smoothed."""
+_LEAST = -7.0
+"""Log-ratio of pairs that are not even rivals: one in a thousand."""
+_FASTEST_MPS = np.array([4.0, 12.0, 35.0])
+_SLACK_M = 5.0
+"""Nobody comes farther than at this speed, and cameras err by no more than this (m)."""
 _FARTHEST = 25.0
 """Squared distance (in standard deviations, four dimensions) beyond which nobody is compared."""
 
 
-def transits(a: Passages, b: Passages, span_s: float) -> Pairs:
+def transits(
+    a: Passages,
+    b: Passages,
+    span_s: float,
+    open_ends: tuple[Int[np.ndarray, "n"], Int[np.ndarray, "m"]],
+) -> Pairs:
     """Pairs of a track of one camera that ends and one of another that begins later, if whoever
     leaves the first surely came to the second.
 
-    ``span_s`` is how long camera b was watching. ``ticks`` is the time in between.
+    ``span_s`` is how long camera b was watching; ``open_ends`` are the tracks of a that end and
+    those of b that begin somebody's time in view. ``ticks`` is the time in between.
     """
-    i, j = _later(a, b)
+    i, j = _later(a, b, open_ends)
     ends, starts = _last_rows(a)[i], _first_rows(b)[j]
     gap_s = np.maximum((b.begin[j] - a.end[i]) * TICK_S, TICK_S)
     q, log_det, speed = _foreseen(a, b, ends, starts, a.kind[i], gap_s)
@@ -40,21 +51,28 @@ def transits(a: Passages, b: Passages, span_s: float) -> Pairs:
     here = -_stationary(b, starts, b.kind[j]) / 2
     ratio = there - here + np.log(speed / _BAND_M) - arrival
     ratio = ratio + size_log_ratio(a, b, i, j)
-    kept = q < _FARTHEST
+    kept = (q < _FARTHEST) & (ratio > _LEAST)
     return Pairs(i[kept], j[kept], ratio[kept], (b.begin[j] - a.end[i])[kept])
 
 
-def _later(a: Passages, b: Passages) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"]]:
-    order = np.argsort(b.begin, kind="stable")
+def _later(
+    a: Passages, b: Passages, open_ends: tuple[Int[np.ndarray, "n"], Int[np.ndarray, "m"]]
+) -> tuple[Int[np.ndarray, "k"], Int[np.ndarray, "k"]]:
+    """Ends of a and beginnings of b that one could reach from there."""
+    ends, starts = open_ends
+    order = starts[np.argsort(b.begin[starts], kind="stable")]
     begin = b.begin[order]
-    first = np.searchsorted(begin, a.end + _SHORTEST_S / TICK_S)
-    last = np.searchsorted(begin, a.end + LONGEST_S / TICK_S, side="right")
+    first = np.searchsorted(begin, a.end[ends] + _SHORTEST_S / TICK_S)
+    last = np.searchsorted(begin, a.end[ends] + LONGEST_S / TICK_S, side="right")
     count = last - first
-    i = np.repeat(np.arange(len(a)), count)
+    i = np.repeat(ends, count)
     step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     j = order[np.repeat(first, count) + step]
-    alike = (a.kind[i] == b.kind[j]) & (b.end[j] > a.end[i])
-    return i[alike], j[alike]
+    way = b.rows.xy_m[_first_rows(b)[j]] - a.rows.xy_m[_last_rows(a)[i]]
+    gap_s = np.maximum(b.begin[j] - a.end[i], 0) * TICK_S
+    near = np.hypot(*way.T) < _FASTEST_MPS[a.kind[i]] * gap_s + _SLACK_M
+    kept = near & (a.kind[i] == b.kind[j]) & (b.end[j] > a.end[i])
+    return i[kept], j[kept]
 
 
 def _first_rows(one: Passages) -> Int[np.ndarray, "t"]:

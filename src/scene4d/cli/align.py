@@ -98,7 +98,8 @@ def _show(found: "Alignment") -> None:
             continue
         table.add_row(name, *_row(one))
     with screen() as console:
-        console.print(table)
+        if table.row_count:
+            console.print(table)
         for line in undetermined:
             console.print(line, style="yellow", soft_wrap=True)
         for warning in found.warnings:
