@@ -5,11 +5,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from finding_scenes import parked, people, write_scene
 from scene4d.app import ViewOptions, view
 from walks import write_video
+
+_PATIENCE_MS = 30_000
+"""A busy machine is no failure."""
+expect.set_options(timeout=_PATIENCE_MS)
 
 
 @pytest.fixture(scope="session")
@@ -60,7 +64,7 @@ class Watched:
 def opened(browser: Browser) -> Iterator[Watched]:
     """A page of 1280 x 800; at the end nothing has been complained about."""
     page = browser.new_page(viewport={"width": 1280, "height": 800})
-    page.set_default_timeout(10_000)
+    page.set_default_timeout(_PATIENCE_MS)
     watched = Watched(page)
     yield watched
     page.close()

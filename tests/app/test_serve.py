@@ -193,5 +193,8 @@ def test_the_served_page_searches_in_a_drawn_zone_and_shows_what_is_new(opened, 
     (folder / "events" / "morning.jsonl").write_text(json.dumps(told) + "\n")
     expect(page.locator("#tracks-count")).to_have_text("6 of 6 tracks")
     expect(page.locator(".event")).to_have_count(2)
-    page.keyboard.press("Tab")
+    write_scene(folder, people(), camera="yard", run="later", provenance={"rate_hz": 10})
+    expect(page.locator("#run-choice option")).to_have_count(2)
+    page.locator("#run-choice").select_option("1")
+    expect(page.locator("#tracks-count")).to_have_text("4 of 4 tracks")
     assert {url.partition("/api")[0].rstrip("/") for url in opened.asked} <= {running.url, "data:,"}

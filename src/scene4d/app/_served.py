@@ -80,8 +80,9 @@ class Served:
         """Cameras, runs and what was told of them, without rows."""
         with self._lock:
             opened = self._opened
-            shown = [self._shown[name] for name in self._names if name in self._shown]
-        said = contents(self._folders, opened, [self._run(one) for one in shown])
+            numbered = [(n, self._shown.get(name)) for n, name in enumerate(self._names)]
+        runs = [self._run(one) | {"number": n} for n, one in numbered if one is not None]
+        said = contents(self._folders, opened, runs)
         return said | {"searches": [], "places": None}
 
     def _run(self, shown: Shown) -> dict[str, Any]:

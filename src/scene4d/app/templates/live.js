@@ -1,6 +1,7 @@
 // With a server: rows and footage are fetched, and what is new comes by itself.
 import { $, announce, on, run, state, tell, world } from "./state.js";
 import { Rows } from "./tracks.js";
+import { addRun } from "./main.js";
 import { placesJson, readPlaces } from "./places.js";
 
 const OVERLAP_S = 8; // the newest rows are provisional: the smoother may still move them
@@ -26,7 +27,7 @@ export function startLive() {
 
 async function grown(said) {
   const now = world.runs.find((one) => one.said.run === said.run);
-  if (!now) return announce(`A new run of ${said.camera} has begun: load the page again to see it.`);
+  if (!now) return begun(said);
   const live = state.ms >= now.end - 1500;
   const since = Math.max(0, now.rows.end / 1000 - OVERLAP_S);
   now.replaceRows(now.rows.merged(await fetchRows(now, since), 1000 * since));
@@ -35,6 +36,17 @@ async function grown(said) {
     tell("rows");
     tell("time");
   }
+}
+
+// A run that began after the page was opened.
+async function begun(said) {
+  const answer = await fetch(`${world.data.api}/scene`);
+  if (!answer.ok) return;
+  const { cameras, runs } = await answer.json();
+  for (const one of runs.filter((each) => !world.runs.some((known) => known.said.run === each.run))) {
+    addRun(one, cameras[one.camera]);
+  }
+  announce(`A new run of ${said.camera} has begun.`);
 }
 
 function alerted(event) {

@@ -131,16 +131,20 @@ function startTheme() {
   $("theme").addEventListener("click", () => show(root.dataset.theme === "dark" ? "light" : "dark"));
 }
 
+export function addRun(said, camera) {
+  const number = world.runs.length;
+  world.runs.push(new Run(said, new Camera(camera), said.number ?? number));
+  $("run-choice").append(element("option", { value: number }, `${said.camera}, ${said.run}`));
+  $("choice").hidden = world.runs.length < 2;
+}
+
 function begin() {
   world.data = JSON.parse($("data").textContent);
   world.searches = world.data.searches || [];
   world.places = readPlaces(world.data.places);
   world.marks = [];
-  const cameras = Object.fromEntries(Object.entries(world.data.cameras).map(([name, said]) => [name, new Camera(said)]));
-  world.runs = world.data.runs.map((said, i) => new Run(said, cameras[said.camera], i));
-  $("run-choice").append(...world.data.runs.map((said, i) => element("option", { value: i }, `${said.camera}, ${said.run}`)));
+  world.data.runs.forEach((said) => addRun(said, world.data.cameras[said.camera]));
   $("run-choice").addEventListener("change", () => set("run", Number($("run-choice").value)));
-  $("choice").hidden = world.runs.length < 2;
   startTheme();
   startPicture();
   startPlan();
