@@ -234,11 +234,12 @@ def _search_run(result: SearchResult, stage: Stage, run: Run) -> None:
     events = _in_window(asked.query.window, run, found)
     if not events:
         result.candidates += judged.casts
+    memory = result.memory
+    spots = [()] * len(events) if memory is None else memory.found(stage, events)
     for number, event in enumerate(events):
         begin, end = stage.frame_at(event.begin_s), stage.frame_at(event.end_s)
         around = _around(stage.tracks, event) if number < asked.options.top else None
-        spots = () if result.memory is None else tuple(result.memory.found(stage, event))
-        result.events.append(FoundEvent(event, run, begin, end, around, spots=spots))
+        result.events.append(FoundEvent(event, run, begin, end, around, spots=spots[number]))
     result.events.sort(key=_rank)
     top = asked.options.top
     result.events[top:] = [replace(one, around=None) for one in result.events[top:]]

@@ -4,7 +4,7 @@ The positions of a camera's runs share its ground and its calibration. Where the
 footage is known, times are UTC; else a run has a clock of its own and sees its own spots only.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -90,39 +90,39 @@ class Memory:
             )
         return replace(stage, spots=spots)
 
-    def found(self, stage: Stage, event: Event) -> Iterator[FoundSpot]:
-        """The spots that an event of such a stage is near: those that count most."""
+    def found(self, stage: Stage, events: Sequence[Event]) -> list[tuple[FoundSpot, ...]]:
+        """The spots that each event of such a stage is near: those that count most."""
+        found: list[list[FoundSpot]] = [[] for _ in events]
         uses = {
-            (term.roles[0], str(term.parameters["spot"])): (term, span_s)
-            for phase, span_s in zip(self._activity.phases, event.phases_s, strict=True)
+            (term.roles[0], str(term.parameters["spot"])): (term, number)
+            for number, phase in enumerate(self._activity.phases)
             for term in phase.terms
             if term.predicate == "near_spot" and not term.negated
         }
-        for (role, name), (term, span_s) in uses.items():
-            rows = _rows(stage, [event.roles[role]], [span_s])[1]
+        for (role, name), (term, phase) in uses.items():
+            tracks = [event.roles[role] for event in events]
+            owner, rows = _rows(stage, tracks, [event.phases_s[phase] for event in events])
             tau_m, sigma_m = (value_of(term, key, PREDICATES) for key in ("tau_m", "sigma_m"))
             spots = stage.spots[name]
             p, at = spots.probability(stage.rows(rows), tau_m, sigma_m)
-            if not (at >= 0).any():
-                continue
-            best = int(np.where(at >= 0, p, -1.0).argmax())
-            spot = spots.table.select(at[best : best + 1])
-            run = self._runs[int(spot.run[0])]
-            begin_s, end_s = (float(t[0]) - _start_s(run) for t in (spot.begin_s, spot.end_s))
-            x_m, y_m = spot.xy_m[0].tolist()
-            apart_m = float(np.linalg.norm(stage.tracks.xy_m[rows[best]] - spot.xy_m[0]))
-            yield FoundSpot(
-                name,
-                role,
-                run,
-                int(spot.track[0]),
-                begin_s,
-                end_s,
-                (x_m, y_m),
-                apart_m,
-                tau_m,
-                float(p[best]),
-            )
+            order = np.lexsort((-np.where(at >= 0, p, -1.0), owner))
+            for best in order[runs(owner[order])]:
+                if at[best] < 0:
+                    continue
+                spot = spots.table.select(at[best : best + 1])
+                apart_m = float(np.linalg.norm(stage.tracks.xy_m[rows[best]] - spot.xy_m[0]))
+                one = self._told(name, role, spot, apart_m, tau_m, float(p[best]))
+                found[int(owner[best])].append(one)
+        return [tuple(one) for one in found]
+
+    def _told(
+        self, name: str, role: str, spot: SpotTable, apart_m: float, tau_m: float, p: float
+    ) -> FoundSpot:
+        run = self._runs[int(spot.run[0])]
+        begin_s, end_s = (float(t[0]) - _start_s(run) for t in (spot.begin_s, spot.end_s))
+        x_m, y_m = spot.xy_m[0].tolist()
+        track = int(spot.track[0])
+        return FoundSpot(name, role, run, track, begin_s, end_s, (x_m, y_m), apart_m, tau_m, p)
 
     def _clock(self, run: Run) -> int:
         return 0 if run.start_known else 1 + self._number[run.run]

@@ -132,6 +132,7 @@ class Spots:
                 further = away_m[used, -1] <= reach_m[here[left]] + _CELL_M
                 left = left[further & ~np.isfinite(apart[here[left]])]
                 step = min(4 * step, len(spots))
+        found[apart > reach_m] = -1
         return found
 
     def _fitting(

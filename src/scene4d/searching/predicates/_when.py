@@ -84,7 +84,8 @@ class When:
         low, high = np.maximum(begin_s, first), np.minimum(end_s, last)
         fits = low <= high
         if self.is_over:
-            fits &= begin_s >= first if self.later else end_s <= last
+            least_s = self.least_s
+            fits &= begin_s >= time_s + least_s if self.later else end_s <= time_s - least_s
         if self.clock is not None:
             since = (low - self.clock.begin_s) % DAY_S
             fits &= (since < self.clock.length_s) | (DAY_S - since <= high - low)
