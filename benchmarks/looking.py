@@ -152,7 +152,7 @@ def against_truth(tracks: Tracks, truth: Detections, camera: Camera) -> str:
         )
         nowhere = locate_people(found, camera)
         frames = int(truth.frame.max()) + 1
-        case = Case("PETS", found, nowhere, None, truth, frames, PETS_FPS)
+        case = Case("PETS", found, nowhere, None, truth, frames, PETS_FPS, camera)
         each = scores(case, seen.track)
         said = [f"{name} {each[name]:.1f}" for name in ("HOTA", "IDF1", "MOTA")] + said
     return ", ".join(said)
