@@ -15,8 +15,8 @@ from jaxtyping import Float
 from scene4d.alignment._paths import STEP_S, Paths
 
 _LENGTHS = (8, 24)
-"""Ticks in a stretch: 4 s show a turn and are left of broken tracks, 12 s tell more. Chosen: on made
-sites these two found the true place most often among the first few."""
+"""Ticks in a stretch: 4 s show a turn and are left of broken tracks, 12 s tell more. Chosen: on
+made sites these two found the true place most often among the first few."""
 _LEAST_EXTENT_M = 0.4
 """Least root-mean-square extent (m): who moves less shows no shape beside the noise."""
 _JITTER_M = 0.12
