@@ -144,9 +144,7 @@ def _around(paths: Paths) -> Float[np.ndarray, "4 2"]:
     return points
 
 
-def _different(
-    fits: list[Fit], around: Float[np.ndarray, "4 2"], share: float = 1.0
-) -> list[Fit]:
+def _different(fits: list[Fit], around: Float[np.ndarray, "4 2"], share: float = 1.0) -> list[Fit]:
     """Best first, without those that say the same as a better one."""
     fits = sorted(fits, key=lambda one: -one.score)
     where = np.array([fit.mapped(around) for fit in fits]).reshape(-1, 4, 2)
