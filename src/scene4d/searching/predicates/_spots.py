@@ -119,7 +119,9 @@ class Spots:
                 which, used = np.unique(group[left], return_inverse=True)
                 tree = self._trees[number]
                 away_m, near = tree.query(cell[which], k=np.arange(1, step + 1))
-                for part in np.array_split(np.arange(len(left)), -(-len(left) * step // _AT_ONCE)):
+                within = away_m[used, 0] <= reach_m[here[left]] + _CELL_M
+                left, used = left[within], used[within]
+                for part in np.array_split(np.arange(len(left)), len(left) * step // _AT_ONCE + 1):
                     rows = here[left[part]]
                     best, away = self._fitting(
                         spots[near[used[part]]], xy[rows], time_s[rows], own[rows]
