@@ -144,6 +144,10 @@ def test_bad_input_gets_a_clear_word(known, scenes, world, tmp_path):
     ):
         with pytest.raises(InputError, match=word):
             align(given, tmp_path / "site")
+    before = (scenes[0] / "cameras" / "cam0.json").read_bytes()
+    with pytest.raises(InputError, match="a folder of its own"):
+        align(scenes, scenes[0])
+    assert (scenes[0] / "cameras" / "cam0.json").read_bytes() == before
     with pytest.raises(InputError, match="max_offset_s"):
         AlignOptions(max_offset_s=-1.0)
     assert not (tmp_path / "site" / "site.json").exists()

@@ -19,6 +19,7 @@ from scene4d.alignment._pictures import site_pictures
 from scene4d.alignment._reading import Watched, apart, site_start_ns, watched
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
+from scene4d.core.errors import InputError
 from scene4d.core.placement import Placement
 from scene4d.core.progress import Progress, Silent, timed
 from scene4d.core.tracks import Tracks
@@ -128,6 +129,8 @@ def align(
     options = replace(options or AlignOptions(), **more)
     progress = progress or Silent()
     timings: dict[str, float] = {}
+    if (Path(out) / "runs").is_dir():
+        raise InputError(f"{out}: is the folder of a scene; give the site a folder of its own")
     cameras, warnings = watched(scenes)
     start_ns = site_start_ns(cameras)
     anchors = None if options.anchor is None else read_anchors(options.anchor)

@@ -77,9 +77,14 @@ def align(
         found.to_dict(),
         lambda: _show(found),
         found.warnings,
-        undetermined=found.reason,
+        undetermined=None if found.reason is None else _with_remedy(found.reason),
         what="site",
     )
+
+
+def _with_remedy(reason: str) -> str:
+    said = reason.replace("; ", ", ")
+    return f"{said}; track longer footage in which people walk through both views, or give --anchor"
 
 
 def _show(found: "Alignment") -> None:
