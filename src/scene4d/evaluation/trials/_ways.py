@@ -18,13 +18,16 @@ class Method:
     """A way to search: a short ``name`` for tables, and what it does in a sentence.
 
     ``tried`` are values of its own setting, of which the one counts for each activity that finds it
-    best on the tuning cameras.
+    best on the tuning cameras. ``view`` is how it sees a stage with one of them, ``searched`` what
+    it searches for instead of an activity, None where it cannot.
     """
 
     name: str
     description: str
     setting: str = ""
     tried: tuple[float, ...] = (1.0,)
+    view: Callable[[Stage, float], Stage] = lambda stage, _: stage
+    searched: Callable[[Activity], Activity | None] = lambda activity: activity
 
 
 METRES_PER_PX = (0.005, 0.01, 0.02, 0.04)
@@ -42,6 +45,7 @@ PIXELS = Method(
     f"{', '.join(f'{m:g}' for m in METRES_PER_PX)} m: {_CHOSEN}",
     "metres_per_px",
     METRES_PER_PX,
+    view=in_pixels,
 )
 BOXES = Method(
     "box sizes",
@@ -49,9 +53,13 @@ BOXES = Method(
     f"{', '.join(f'{m:g}' for m in BOX_M)} m: {_CHOSEN}",
     "box_m",
     BOX_M,
+    view=in_box_sizes,
+    searched=lambda activity: activity if len(activity.roles) == 1 else None,
 )
 NEAR = Method(
-    "near", "the same activities with P(near) as their only predicate, on the ground in metres"
+    "near",
+    "the same activities with P(near) as their only predicate, on the ground in metres",
+    searched=near_alone,
 )
 ENDS = Method(
     "track ends",
@@ -77,22 +85,14 @@ class Seen:
     stages: Sequence[Stage] = field(init=False)
 
     def __post_init__(self) -> None:
-        views: dict[Method, Callable[[Stage, float], Stage]]
-        views = {PIXELS: in_pixels, BOXES: in_box_sizes}
-        stages = [clip.stage for clip in self.clips]
-        if view := views.get(self.method):
-            stages = [view(stage, self.value) for stage in stages]
+        stages = [self.method.view(clip.stage, self.value) for clip in self.clips]
         object.__setattr__(self, "stages", stages)
 
     def events(self, activity: Activity, length_s: float = np.nan) -> list[ClipEvents] | None:
         """What is found of an activity in each clip; None where the method cannot search for it.
         ``length_s`` is how long labels of it are, for :data:`ENDS`.
         """
-        searched: Activity | None = activity
-        if self.method == NEAR:
-            searched = near_alone(activity)
-        elif self.method == BOXES and len(activity.roles) > 1:
-            searched = None
+        searched = self.method.searched(activity)
         if searched is None or (self.method == ENDS and np.isnan(length_s)):
             return None
         out = []
