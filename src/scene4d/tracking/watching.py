@@ -25,7 +25,6 @@ from scene4d.video.frames import Frame, Source
 from scene4d.video.stream import without_password
 
 if TYPE_CHECKING:
-    from scene4d.perception.detectors._base import Detector
     from scene4d.perception.objects import Moment, ObjectDetector
 
 _CHUNK_S = 10.0
@@ -104,7 +103,7 @@ def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
         "image_size": list(footage.image_size),
         "rate_hz": options.rate_hz,
         "detector": _identity(options.detector),
-        "looks_at": "what changed; what moves is followed",
+        "looks_at": "what changed; what moves is followed; who crosses is looked at",
         "chunk_s": _CHUNK_S,
         "camera": hashlib.sha256(described).hexdigest()[:12],
         "person_height_m": options.person_height_m,
@@ -131,11 +130,11 @@ def detectors(job: Job) -> "ObjectDetector":
         from scene4d.perception.detectors.yolox import OnnxYoloxDetector
         from scene4d.perception.keypoints import KeypointEstimator
 
+        keypoints = KeypointEstimator(device)
         if _is_onnx(chosen):
-            one: Detector = OnnxYoloxDetector(Path(chosen), device=device)
+            found = ObjectDetector(OnnxYoloxDetector(Path(chosen), device=device), keypoints)
         else:
-            one = make_detector(str(chosen), device)
-        found = ObjectDetector(one, KeypointEstimator(device))
+            found = ObjectDetector(make_detector(str(chosen), device), keypoints)
     found = found.expecting(lambda rows: person_px(job.camera, rows, job.person_height_m))
     return found.attentive()
 
