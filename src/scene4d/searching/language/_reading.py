@@ -1,7 +1,7 @@
 """Parse trees as sentences."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import product
@@ -40,8 +40,10 @@ from scene4d.searching.language._times import (
     TimeReader,
     all_of,
     first_of,
+    hull,
     joined,
     span_of,
+    tense_of,
 )
 from scene4d.searching.language._words import Amount, amount_of, read_number, refuse
 from scene4d.searching.predicates._relation import SIDES
@@ -80,19 +82,6 @@ class _Count:
 @dataclass(frozen=True)
 class _Pause:
     seconds: float | None
-
-
-def _hull(span: Span, nodes: Iterable[Any]) -> Span:
-    """The span, including those of the parts; a tree of several readings has none of its own."""
-    spans = [span]
-    for node in nodes:
-        for option in options_of(node):
-            if isinstance(option, Pair):
-                spans.append(_hull(span, (option.first, option.second)))
-            elif hasattr(option, "span"):
-                spans.append(option.span)
-    there = [(start, end) for start, end in spans if end > start]
-    return (min(s for s, _ in there), max(e for _, e in there)) if there else span
 
 
 def read_tree(tree: Tree, text: str, grammar: Grammar) -> tuple[Sentence | Choice, list[str]]:
@@ -275,7 +264,7 @@ class _Reader(TimeReader):
             subject = parts.pop(0)
         polarity = first_of(parts, Polarity) or Polarity(False, False)
         parts = [part for part in parts if not isinstance(part, Polarity | Mark)]
-        whole = _hull(span, children)
+        whole = hull(span, children)
         readings = product(*map(options_of, (*parts[1:], *fronts)))
         clauses = [Clause(subject, polarity, parts[0], more, whole) for more in readings]
         return clauses[0] if len(clauses) == 1 else Choice(tuple(clauses))
@@ -368,23 +357,21 @@ class _Reader(TimeReader):
 
     def spot(self, meta: Any, children: list) -> SpotSaid:
         """Where another one was; without a time in the present it is now, which is no spot."""
-        noun, span = first_of(children, Noun), _hull(span_of(meta), children)
-        said = self._text[slice(*span)]
-        whens = all_of(children, When)
-        tense = _tense(self._text[noun.span[1] : span[1]])
+        noun, span = first_of(children, Noun), hull(span_of(meta), children)
+        said, whens = self._text[slice(*span)], all_of(children, When)
+        tense = tense_of(self._text[noun.span[1] : span[1]])
         if not whens and tense == "present":
             what = f'"{said}" is now; say "near another person", or where he was, as in "stood"'
             raise refuse(self._text, span[0], what)
         when = joined(whens, said, self._text, span[0])
-        if tense == "future" and not whens:
-            when = When(later=True)
+        when = When(later=True) if tense == "future" and not whens else when
         if when in (When(), When(later=True)):
             when = replace(when, is_over=True)
         polarity = first_of(children, Polarity) or Polarity(False, False)
         if polarity.is_denied:
             raise refuse(self._text, noun.span[0], "where somebody never was cannot be asked for")
-        core = first_of(children, Done, Said, Choice)
-        return SpotSaid(noun, polarity, core, first_of(children, Lasting), when, span)
+        core, lasting = first_of(children, Done, Said, Choice), first_of(children, Lasting)
+        return SpotSaid(noun, polarity, core, lasting, when, span)
 
     def pair(self, _meta: Any, children: list) -> Pair:
         first, second = all_of(children, Noun)
@@ -400,16 +387,6 @@ class _Reader(TimeReader):
         if isinstance(found, Fraction):
             return found
         return read_number(str(found), self._text, span_of(meta)[0])
-
-
-def _tense(text: str) -> str:
-    """Whether the first verb of a text is in the present or the future: "stands", "will stand"."""
-    first = next(iter(text.casefold().split()), "")
-    if first == "will":
-        return "future"
-    bases = base_forms(first)
-    is_present = first in ("is", "are") or (first != "was" and (not bases or first[-1:] == "s"))
-    return "present" if is_present else "past"
 
 
 def _introduced(articles: set[str]) -> str:

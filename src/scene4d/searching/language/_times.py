@@ -7,8 +7,8 @@ from typing import Any
 
 from lark import Transformer, v_args
 
-from scene4d.searching.language._lexicon import Lexicon
-from scene4d.searching.language._sentences import Clock, Lasting, Span
+from scene4d.searching.language._lexicon import Lexicon, base_forms
+from scene4d.searching.language._sentences import Clock, Lasting, Pair, Span, options_of
 from scene4d.searching.language._words import Amount, read_clock, refuse
 from scene4d.searching.predicates._when import DAY_S, When, Window
 
@@ -58,6 +58,29 @@ def window_of(clock: Clock, text: str, span: Span, lexicon: Lexicon) -> Window:
         what = f'"{said}" holds no time, or all; say "between midnight and 6 am", for example'
         raise refuse(text, span[0], what)
     return Window(begin % DAY_S, end)
+
+
+def hull(span: Span, nodes: Iterable[Any]) -> Span:
+    """The span, including those of the parts; a tree of several readings has none of its own."""
+    spans = [span]
+    for node in nodes:
+        for option in options_of(node):
+            if isinstance(option, Pair):
+                spans.append(hull(span, (option.first, option.second)))
+            elif hasattr(option, "span"):
+                spans.append(option.span)
+    there = [(start, end) for start, end in spans if end > start]
+    return (min(s for s, _ in there), max(e for _, e in there)) if there else span
+
+
+def tense_of(text: str) -> str:
+    """Whether the first verb of a text is in the present or the future: "stands", "will stand"."""
+    first = next(iter(text.casefold().split()), "")
+    if first == "will":
+        return "future"
+    bases = base_forms(first)
+    is_present = first in ("is", "are") or (first != "was" and (not bases or first[-1:] == "s"))
+    return "present" if is_present else "past"
 
 
 def joined(whens: Sequence[When], said: str, text: str, start: int) -> When:
