@@ -29,7 +29,7 @@ INSTALL := $(CONSTRAINED) $(PIP) install --no-compile
 .DELETE_ON_ERROR:
 
 help:
-	@sed -n 's/^# \{0,1\}//;1,5p' $(firstword $(MAKEFILE_LIST))
+	@sed -n 's/^# \{0,1\}//;1,6p' $(firstword $(MAKEFILE_LIST))
 
 demo: $(RUNTIME)
 	$(BIN)/scene4d demo
