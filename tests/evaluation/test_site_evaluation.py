@@ -13,6 +13,7 @@ from scene4d.core.placement import Placement
 from scene4d.core.progress import Silent
 from scene4d.evaluation import evaluate_site
 from scene4d.evaluation.measures._site import true_placement
+from scene4d.evaluation.pages.site import draw_site
 from scene4d.formats.cameras import write_camera
 from scene4d.store.identities import Identities
 from scene4d.store.site_file import SiteFile
@@ -116,6 +117,17 @@ def test_the_command_writes_the_page(scenes, tmp_path):
     assert (tmp_path / "score" / "figures" / "site_plan.png").exists()
     plain = CliRunner().invoke(app, [str(word) for word in words[:-2]])
     assert "positions are off by 0.20 m" in " ".join(plain.stdout.split())
+
+
+def test_figures_need_no_scenes_any_more(scenes):
+    """Scenes made of videos lie in a folder that is gone by then."""
+    folder, site = site_with(scenes, errors_put_in(0.2), "gone")
+    found = evaluate_site(folder, site, Silent())
+    elsewhere = folder.rename(folder.with_name("elsewhere"))
+    try:
+        assert set(draw_site(found)) == {"site_plan", "site_people"}
+    finally:
+        elsewhere.rename(folder)
 
 
 def test_without_truth_or_site_it_says_so(scenes, tmp_path):

@@ -8,9 +8,8 @@ from matplotlib.lines import Line2D
 
 from scene4d.drawing import style
 from scene4d.drawing.page import Shown, data_uri, rendered
-from scene4d.drawing.site_map import Way, draw_site_map
+from scene4d.drawing.site_map import draw_site_map
 from scene4d.evaluation.trials.sites import SiteEvaluation
-from scene4d.store.site import Site
 
 _BAR, _MIDDLE = "#4A90D9", "#E0303A"
 _MOST_M = 2.0
@@ -33,25 +32,11 @@ def draw_site(evaluation: SiteEvaluation) -> dict[str, style.Drawn]:
         for name in site.cameras
         if np.trace(site.placements[name].covariance[:2, :2]) > 1e-6
     }
-    cameras = {name: site.camera(name) for name in site.cameras}
-    drawn = {"site_plan": draw_site_map(cameras, covariances, _ways(site), evaluation.aligned)}
+    found = evaluation.cameras, covariances, evaluation.ways
+    drawn = {"site_plan": draw_site_map(*found, evaluation.aligned)}
     if len(evaluation.people.distance_m):
         drawn["site_people"] = _histogram(evaluation.people.distance_m)
     return drawn
-
-
-def _ways(site: Site) -> list[Way]:
-    known, tracks = site.identities, site.tracks(step_s=0.5)
-    first = np.flatnonzero(np.diff(tracks.track, prepend=-1))
-    several = {
-        number: len(set(known.camera[known.identity == number].tolist()))
-        for number in np.unique(tracks.track).tolist()
-    }
-    return [
-        Way(int(tracks.track[rows[0]]), tracks.xy_m[rows], several[int(tracks.track[rows[0]])])
-        for rows in np.split(np.arange(len(tracks)), first[1:])
-        if len(rows) > 1
-    ]
 
 
 def _histogram(distance_m: np.ndarray) -> style.Drawn:

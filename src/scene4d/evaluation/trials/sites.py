@@ -2,7 +2,7 @@
 
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
 from scene4d.core.progress import Progress
+from scene4d.drawing.site_map import Way
 from scene4d.evaluation.measures._site import (
     Agreement,
     GroundError,
@@ -46,6 +47,8 @@ class SiteEvaluation:
     ground: GroundError | None
     notes: tuple[str, ...] = ()
     aligned: Mapping[str, Camera] = field(default_factory=dict)
+    cameras: Mapping[str, Camera] = field(default_factory=dict)
+    ways: Sequence[Way] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """Content of ``evaluation.json``, and the fields of ``--json``."""
@@ -98,7 +101,24 @@ def evaluate_site(data: str | Path, site: str | Path | None, progress: Progress)
             ground_error(opened, true),
             notes,
             aligned_truth(opened, true),
+            {name: opened.camera(name) for name in opened.cameras},
+            _ways(opened) if opened.cameras else (),
         )
+
+
+def _ways(site: Site) -> list[Way]:
+    """Where people and vehicles went, read while the scenes are there."""
+    known, tracks = site.identities, site.tracks(step_s=0.5)
+    first = np.flatnonzero(np.diff(tracks.track, prepend=-1))
+    several = {
+        number: len(set(known.camera[known.identity == number].tolist()))
+        for number in np.unique(tracks.track).tolist()
+    }
+    return [
+        Way(int(tracks.track[rows[0]]), tracks.xy_m[rows], several[int(tracks.track[rows[0]])])
+        for rows in np.split(np.arange(len(tracks)), first[1:])
+        if len(rows) > 1
+    ]
 
 
 def _site(folder: Path, site: str | Path | None, work: Path, progress: Progress) -> Site:
