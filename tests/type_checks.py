@@ -10,6 +10,7 @@ What is in a list, a dict or a generator cannot be told from outside: such calls
 import atexit
 import functools
 import inspect
+import threading
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
@@ -67,6 +68,7 @@ def once(target: Any = None, *, typechecker: Callable) -> Any:
 def _once(function: Callable, typechecker: Callable) -> Callable:
     passed = _PASSED[function.__module__, function.__qualname__, function.__code__]
     checked = functools.cache(lambda: _jaxtyped(function, typechecker=typechecker))
+    again = functools.cache(lambda: _again(function, typechecker))
     words = "Literal" in repr(inspect.get_annotations(function))
 
     @functools.wraps(function)
@@ -84,21 +86,33 @@ def _once(function: Callable, typechecker: Callable) -> Callable:
         result = function(*args, **kwargs)
         returned = _kind_of(result, words)
         if (given, returned) not in passed:
-            _jaxtyped(_returning(result, function), typechecker=typechecker)(*args, **kwargs)
+            again()(result, args, kwargs)
             passed.add((given, returned)) if returned is not None else passed.discard(given)
         return result
 
     return call
 
 
-def _returning(result: object, function: Callable) -> Callable:
-    """A function with the same signature and names, to check a result that is there already."""
+def _again(function: Callable, typechecker: Callable) -> Callable:
+    """Checks calls whose results are there already: of a function with the same signature and
+    names, which is made once, for that takes a millisecond.
+    """
+    held = threading.local()
 
     def returned(*_: object, **__: object) -> object:
-        return result
+        return held.result
 
     here = FunctionType(returned.__code__, function.__globals__, closure=returned.__closure__)
-    return functools.update_wrapper(here, function)
+    checked = _jaxtyped(functools.update_wrapper(here, function), typechecker=typechecker)
+
+    def check(result: object, args: tuple, kwargs: dict) -> None:
+        held.result = result
+        try:
+            checked(*args, **kwargs)
+        finally:
+            del held.result
+
+    return check
 
 
 def _kind_of(value: Any, words: bool) -> Hashable:
