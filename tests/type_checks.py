@@ -16,7 +16,7 @@ from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import is_dataclass
 from types import FunctionType
-from typing import Any
+from typing import Any, ForwardRef, Literal, TypeVar, get_args, get_origin
 
 import jaxtyping
 import numpy as np
@@ -67,7 +67,7 @@ def once(target: Any = None, *, typechecker: Callable) -> Any:
 
 def _once(function: Callable, typechecker: Callable) -> Callable:
     passed = _PASSED[function.__module__, function.__qualname__, function.__code__]
-    checked = functools.cache(lambda: _jaxtyped(function, typechecker=typechecker))
+    checked = functools.cache(lambda: _checked(function, typechecker))
     again = functools.cache(lambda: _again(function, typechecker))
     words = "Literal" in repr(inspect.get_annotations(function))
 
@@ -93,6 +93,24 @@ def _once(function: Callable, typechecker: Callable) -> Callable:
     return call
 
 
+def _checked(function: Callable, typechecker: Callable) -> Callable:
+    """Where no annotation has a shape to compare, jaxtyping adds nothing but time."""
+    if any(map(_shaped, inspect.get_annotations(function).values())):
+        return _jaxtyped(function, typechecker=typechecker)
+    return typechecker(function)
+
+
+def _shaped(hint: Any) -> bool:
+    """Whether an annotation holds an array's shape, or may do so: a name is not looked up."""
+    if isinstance(hint, list):  # what a Callable takes
+        return any(map(_shaped, hint))
+    if isinstance(hint, (str, ForwardRef, TypeVar)):
+        return True
+    if isinstance(hint, type) and issubclass(hint, jaxtyping.AbstractArray):
+        return True
+    return get_origin(hint) is not Literal and any(map(_shaped, get_args(hint)))
+
+
 def _again(function: Callable, typechecker: Callable) -> Callable:
     """Checks calls whose results are there already: of a function with the same signature and
     names, which is made once, for that takes a millisecond.
@@ -103,7 +121,7 @@ def _again(function: Callable, typechecker: Callable) -> Callable:
         return held.result
 
     here = FunctionType(returned.__code__, function.__globals__, closure=returned.__closure__)
-    checked = _jaxtyped(functools.update_wrapper(here, function), typechecker=typechecker)
+    checked = _checked(functools.update_wrapper(here, function), typechecker)
 
     def check(result: object, args: tuple, kwargs: dict) -> None:
         held.result = result
