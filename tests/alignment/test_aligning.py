@@ -10,11 +10,9 @@ import pytest
 
 import scene4d
 from alignment.stored_worlds import scene_of
-from alignment.worlds import made_site
+from alignment.test_pairs import linked
 from scene4d.alignment import AlignOptions, align, aligning
 from scene4d.alignment._graph import solve
-from scene4d.alignment._pairs import link
-from scene4d.alignment._paths import view_of
 from scene4d.core.errors import InputError
 from scene4d.store.site import Site
 
@@ -23,7 +21,7 @@ NOON = datetime(2026, 11, 20, 12, tzinfo=UTC)
 
 @pytest.fixture(scope="module")
 def world():
-    return made_site(6, minutes=2.0)
+    return linked(6)[0]
 
 
 @pytest.fixture(scope="module")
@@ -33,19 +31,14 @@ def scenes(world, tmp_path_factory):
 
 
 @pytest.fixture
-def known(world, monkeypatch):
+def known(monkeypatch):
     """The pair of the world's cameras, which is worked out once."""
-    if not _LINKS:
-        views = [view_of(one.name, one.tracks, one.calibration) for one in world.seen]
-        _LINKS.append(link(*views))
+    pair = linked(6)[2]
 
     def told(a, b, numbers, bounds):
-        return replace(_LINKS[0], a=numbers[0], b=numbers[1])
+        return replace(pair, a=numbers[0], b=numbers[1])
 
     monkeypatch.setattr(aligning, "link", told)
-
-
-_LINKS: list = []
 
 
 @pytest.fixture(scope="module")

@@ -23,7 +23,9 @@ def browser() -> Iterator[Browser]:
     if found is None:
         pytest.skip("no browser: apt-get install chromium")
     with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        browser = play.chromium.launch(
+            executable_path=found, args=["--no-sandbox", "--disable-gpu"]
+        )
         yield browser
         browser.close()
 

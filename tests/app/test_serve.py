@@ -55,6 +55,14 @@ class Running:
         self.served.close()
 
 
+@pytest.fixture(scope="module")
+def reading(scene: Path) -> Iterator[Running]:
+    """Of a scene that nobody changes."""
+    one = Running(scene)
+    yield one
+    one.close()
+
+
 @pytest.fixture
 def running(scene: Path, tmp_path: Path) -> Iterator[Running]:
     folder = shutil.copytree(scene, tmp_path / "scene")
@@ -63,33 +71,33 @@ def running(scene: Path, tmp_path: Path) -> Iterator[Running]:
     one.close()
 
 
-def test_programs_are_told_what_there_is_and_search(running):
-    status, headers, body = running.ask("GET", "/openapi.json")
+def test_programs_are_told_what_there_is_and_search(reading):
+    status, headers, body = reading.ask("GET", "/openapi.json")
     assert status == 200
     described = json.loads(body)["paths"]
     assert {"/api/search", "/api/runs/{run}/video"} <= set(described)
     for path, methods in described.items():
         if "get" in methods and "live" not in path:
-            assert running.ask("GET", path.replace("{run}", "0"))[0] == 200, path
+            assert reading.ask("GET", path.replace("{run}", "0"))[0] == 200, path
     assert headers["x-content-type-options"] == "nosniff"
-    status, said = running.post("/api/search", {"words": "two people meet", "top": 3})
+    status, said = reading.post("/api/search", {"words": "two people meet", "top": 3})
     assert status == 200
     (found,) = said["searches"]
     assert found["events"][0]["roles"]
     assert found["understood"]
-    status, said = running.post("/api/search", {"words": "colourless green ideas"})
+    status, said = reading.post("/api/search", {"words": "colourless green ideas"})
     assert status == 400
     assert said["error"]["kind"] == "input"
 
 
-def test_footage_comes_in_ranges(running):
-    whole = running.ask("GET", "/api/runs/0/video")[2]
-    status, headers, part = running.ask("GET", "/api/runs/0/video", Range="bytes=100-199")
+def test_footage_comes_in_ranges(reading):
+    whole = reading.ask("GET", "/api/runs/0/video")[2]
+    status, headers, part = reading.ask("GET", "/api/runs/0/video", Range="bytes=100-199")
     assert (status, part) == (206, whole[100:200])
     assert headers["content-type"] == "video/mp4"
 
 
-def test_what_is_asked_from_elsewhere_is_refused(running):
+def test_what_is_asked_from_elsewhere_is_refused(reading):
     asked = (
         (421, {"Host": "evil.example"}),
         (421, {"Host": "127.0.0.1.evil.example:80"}),
@@ -98,14 +106,14 @@ def test_what_is_asked_from_elsewhere_is_refused(running):
         (400, {"Content_Length": "-1"}),
     )
     for status, headers in asked:
-        assert running.ask("GET", "/api/scene", **headers)[0] == status, headers
-    status, _, body = running.ask("POST", "/api/search", '{"words": "x"}')
+        assert reading.ask("GET", "/api/scene", **headers)[0] == status, headers
+    status, _, body = reading.ask("POST", "/api/search", '{"words": "x"}')
     assert (status, b"application/json" in body) == (400, True)  # no form of another page
     long = json.dumps({"words": "x" * 1_100_000})
-    assert running.post("/api/search", {"words": "x" * 1000})[0] == 400
-    assert running.ask("POST", "/api/search", long, Content_Type="application/json")[0] == 413
+    assert reading.post("/api/search", {"words": "x" * 1000})[0] == 400
+    assert reading.ask("POST", "/api/search", long, Content_Type="application/json")[0] == 413
     assert (
-        running.post("/api/search", {"words": "two people meet", "zones": "/etc/passwd"})[0] == 400
+        reading.post("/api/search", {"words": "two people meet", "zones": "/etc/passwd"})[0] == 400
     )
 
 
@@ -120,8 +128,8 @@ def test_what_is_asked_from_elsewhere_is_refused(running):
         "/api/runs/0/rows/../../../etc/passwd",
     ],
 )
-def test_no_file_but_the_given_runs_is_served(running, path):
-    assert running.ask("GET", path)[0] == 404
+def test_no_file_but_the_given_runs_is_served(reading, path):
+    assert reading.ask("GET", path)[0] == 404
 
 
 def test_zones_are_checked_and_kept(running, tmp_path):
