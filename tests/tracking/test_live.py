@@ -381,6 +381,9 @@ class Walkers:
     def attentive(self):
         return self
 
+    def begin(self):
+        self._perfect.begin()
+
     def look(self, frame):
         found, colours = self._perfect.look(frame)
         rows = np.arange(len(found)) if frame.time_s < 2 else np.arange(1, len(found))
