@@ -130,6 +130,9 @@ class Again:
         self._found, self._pictures, self._said = found, pictures, {}
         self.timings = found.timings
 
+    def begin(self) -> None:
+        self._found.begin()
+
     def look(self, frame):
         number = frame.index % self._pictures
         if number not in self._said:
