@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.alignment._paths import STEP_S, Paths
+from scene4d.core.columns import Columns
 
 _LENGTHS = (8, 24)
 """Ticks in a stretch: 4 s show a turn and are left of broken tracks, 12 s tell more. Chosen: on
@@ -38,7 +39,7 @@ _KEPT = 40
 
 
 @dataclass(frozen=True, eq=False)
-class Hypotheses:
+class Hypotheses(Columns):
     """Candidates: ``offset_s``, ``heading_rad`` and ``shift_m`` so that a point p of camera b at
     its time t is ``Rot(heading) p + shift`` in the ground of camera a at ``t + offset``.
     """
@@ -48,12 +49,9 @@ class Hypotheses:
     shift_m: Float[np.ndarray, "n 2"]
     votes: Float[np.ndarray, "n"]
 
-    def __len__(self) -> int:
-        return len(self.votes)
-
 
 @dataclass(frozen=True, eq=False)
-class _Stretches:
+class _Stretches(Columns):
     """Stretches of one length: centred shape as complex numbers (n, length), its mean square, and
     its middle.
     """
@@ -65,10 +63,6 @@ class _Stretches:
     track: np.ndarray
     kind: np.ndarray
     noise_m2: np.ndarray
-
-    def taken(self, rows: np.ndarray | slice) -> "_Stretches":
-        names = ("shape", "energy", "middle", "tick", "track", "kind", "noise_m2")
-        return _Stretches(*(getattr(self, name)[rows] for name in names))
 
 
 def hypotheses(a: Paths, b: Paths, offsets_s: tuple[float, float]) -> Hypotheses:
@@ -113,7 +107,7 @@ def _ballots(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Votes (m, 4), the pairs of tracks that cast them (m,), and their weights (m,)."""
     of_a, of_b = _stretches(a, length), _stretches(b, length)
-    of_a = of_a.taken(slice(0, None, length // 3))
+    of_a = of_a.select(slice(0, None, length // 3))
     low, high = np.array(offsets_s) / STEP_S
     first = np.searchsorted(of_b.tick, of_a.tick - high)
     last = np.searchsorted(of_b.tick, of_a.tick - low, side="right")
@@ -123,7 +117,7 @@ def _ballots(
         rows = np.arange(k, min(k + size, len(of_a.tick)))
         begin, end = int(first[rows].min()), int(last[rows].max())
         if end > begin:
-            parts.append(_matches(of_a.taken(rows), of_b.taken(slice(begin, end)), (low, high)))
+            parts.append(_matches(of_a.select(rows), of_b.select(slice(begin, end)), (low, high)))
     if not parts:
         return np.zeros((0, 4)), np.zeros(0, np.int64), np.zeros(0)
     columns = list(map(np.concatenate, zip(*parts, strict=True)))

@@ -5,13 +5,14 @@ track carries along (where its boxes end) stays as long as the track. What the c
 by moves everything it sees, in few ways: its *modes*.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from scene4d.core.calibration import Calibration
+from scene4d.core.columns import Columns
 from scene4d.core.tracks import VEHICLES, Tracks
 
 STEP_S = 0.5
@@ -68,7 +69,7 @@ class View:
 
 
 @dataclass(frozen=True, eq=False)
-class Paths:
+class Paths(Columns):
     """Tracks at whole ticks of :data:`STEP_S`, ordered by (piece, tick).
 
     ``piece`` numbers stretches without a gap; ``row`` is the nearest row of the view.
@@ -83,13 +84,6 @@ class Paths:
     row: Int[np.ndarray, "n"]
     noise_m2: Float[np.ndarray, "n"]
     shared_m2: Float[np.ndarray, "n"]
-
-    def __len__(self) -> int:
-        return len(self.piece)
-
-    def taken(self, rows: np.ndarray) -> "Paths":
-        """Only these rows."""
-        return Paths(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     def mirrored(self) -> "Paths":
         """The same in a mirror (x to -x), which no camera is: what fits it fits by accident."""

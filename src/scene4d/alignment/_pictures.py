@@ -6,7 +6,6 @@ from itertools import permutations
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
 
 from scene4d.alignment._sameness import TICK_S
 from scene4d.core.camera import Camera
@@ -15,7 +14,7 @@ from scene4d.core.placement import Placement
 from scene4d.core.progress import Advance
 from scene4d.core.tracks import Tracks
 from scene4d.drawing.other_view import Matched, draw_other_view
-from scene4d.drawing.site_map import Way, draw_site_map
+from scene4d.drawing.site_map import draw_site_map, ways_of
 from scene4d.store.fusing import fused
 from scene4d.store.identities import Identities
 from scene4d.store.runs import Run, file_name
@@ -40,7 +39,9 @@ def site_pictures(
 
     ``cameras`` stand in the site's frame, and ``seen`` is what each tracked there, by identity.
     """
-    pictures = {PLAN: draw_site_map(cameras, _covariances(placements), ways(seen, identities)).png}
+    covariances = {name: one.covariance[:2, :2] for name, one in placements.items()}
+    ways = ways_of(fused(list(seen.values()), TICK_S), identities.cameras_each())
+    pictures = {PLAN: draw_site_map(cameras, covariances, ways).png}
     step(1)
     moments = {name: _at_moments(tracks) for name, tracks in seen.items()}
     pairs = {(a, b): _matched(cameras[a], moments[a], moments[b]) for a, b in permutations(seen, 2)}
@@ -55,36 +56,6 @@ def site_pictures(
         name = file_name(f"{b} in {a}", "picture").replace("%20", " ")
         pictures[f"pairs/{name}.png"] = picture.png
     return pictures
-
-
-def ways(seen: Mapping[str, Tracks], identities: Identities) -> list[Way]:
-    """Everybody's way, fused over cameras."""
-    together = fused(list(seen.values()), TICK_S)
-    pairs = np.unique(
-        np.column_stack(
-            [identities.identity, np.unique(identities.camera, return_inverse=True)[1]]
-        ),
-        axis=0,
-    )
-    number, count = np.unique(pairs[:, 0], return_counts=True)
-    cameras = dict(zip(number.tolist(), count.tolist(), strict=True))
-    first = np.flatnonzero(np.diff(together.track, prepend=-1))
-    return [
-        Way(
-            int(together.track[rows[0]]), together.xy_m[rows], cameras[int(together.track[rows[0]])]
-        )
-        for rows in np.split(np.arange(len(together)), first[1:])
-        if len(rows) > 1
-    ]
-
-
-def _covariances(placements: Mapping[str, Placement]) -> dict[str, Float[np.ndarray, "2 2"]]:
-    """Of the cameras' positions; none of the one that the frame is tied to."""
-    return {
-        name: one.covariance[:2, :2]
-        for name, one in placements.items()
-        if np.trace(one.covariance[:2, :2]) > 1e-6
-    }
 
 
 def _at_moments(tracks: Tracks) -> Tracks:

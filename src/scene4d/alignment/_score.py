@@ -47,7 +47,7 @@ class Crowd:
     @classmethod
     def of(cls, paths: Paths) -> "Crowd":
         """Sorted by tick."""
-        return cls(paths.taken(np.argsort(paths.tick, kind="stable")))
+        return cls(paths.select(np.argsort(paths.tick, kind="stable")))
 
     @cached_property
     def worth(self) -> Float[np.ndarray, "n"]:
@@ -281,7 +281,7 @@ def _step(
     meetings: Meetings, fit: Fit, matching: Matching, held: bool = False
 ) -> Float[np.ndarray, "5"]:
     """Gauss-Newton's step over the matches; the offset stays where it is ``held``."""
-    a, b = meetings.a.paths.taken(matching.row_a), meetings.b.paths.taken(matching.row_b)
+    a, b = meetings.a.paths.select(matching.row_a), meetings.b.paths.select(matching.row_b)
     offset = fit.parameters[4]
     seen = b.xy_m + b.velocity_mps * (a.tick * STEP_S - offset - b.tick * STEP_S)[:, None]
     turned, moving = seen @ fit.linear.T, b.velocity_mps @ fit.linear.T

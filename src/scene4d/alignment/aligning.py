@@ -53,18 +53,14 @@ class Alignment:
     def to_dict(self) -> dict[str, Any]:
         """Ready for ``json.dumps``: the cameras as in ``site.json``, the pairs, and counts."""
         known = self.site.identities
-        several = {
-            number
-            for number in np.unique(known.identity).tolist()
-            if len(set(known.camera[known.identity == number].tolist())) > 1
-        }
+        cameras = known.cameras_each()
         return {
             "site": str(self.site.folder),
             **{k: v for k, v in self.site.to_dict().items() if k != "schema"},
             "pairs": list(self.pairs),
             "tracks": len(known),
-            "identities": len(np.unique(known.identity)),
-            "seen_by_several": len(several),
+            "identities": len(cameras),
+            "seen_by_several": sum(count > 1 for count in cameras.values()),
             "reason": self.reason,
         }
 

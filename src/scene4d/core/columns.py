@@ -30,8 +30,8 @@ class Columns:
     def __len__(self) -> int:
         return len(getattr(self, next(self.array_names())))
 
-    def select(self: T, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> T:
-        """The given rows, as a mask or as indices."""
+    def select(self: T, rows: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"] | slice) -> T:
+        """The given rows, as a mask, as indices or as a slice."""
         return replace(self, **{name: getattr(self, name)[rows] for name in self.array_names()})
 
     @classmethod

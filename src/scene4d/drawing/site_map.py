@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Polygon
 
 from scene4d.core.camera import Camera
+from scene4d.core.tracks import Tracks
 from scene4d.drawing import style
 from scene4d.drawing.birdseye import ground_axes
 from scene4d.drawing.ground import Area
@@ -25,6 +26,8 @@ _REACH_M = 30.0
 """What a camera sees is drawn so far at most."""
 _COLUMNS, _ROWS = 25, 60
 _MOST_LABELS = 14
+_LEAST_M2 = 1e-6
+"""A position of less variance is what the frame is tied to, and has no ellipse."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +39,17 @@ class Way:
     cameras: int
 
 
+def ways_of(tracks: Tracks, cameras: Mapping[int, int]) -> list[Way]:
+    """Everybody's way, from fused tracks by identity and by how many cameras each was seen."""
+    first = np.flatnonzero(np.diff(tracks.track, prepend=-1))
+    return [
+        Way(number, tracks.xy_m[rows], cameras[number])
+        for rows in np.split(np.arange(len(tracks)), first[1:])
+        if len(rows) > 1
+        for number in [int(tracks.track[rows[0]])]
+    ]
+
+
 def draw_site_map(
     cameras: Mapping[str, Camera],
     covariances: Mapping[str, Float[np.ndarray, "2 2"]],
@@ -43,7 +57,7 @@ def draw_site_map(
     true: Mapping[str, Camera] | None = None,
     axes_labels: tuple[str, str] = ("metres", "metres"),
 ) -> style.Drawn:
-    """Cameras in the site's frame, 95 % ellipses of their positions, and ways.
+    """Cameras in the site's frame, 95 % ellipses of their positions that err, and ways.
 
     ``true`` are cameras as they really stand, drawn as crosses.
     """
@@ -54,6 +68,7 @@ def draw_site_map(
     axes.set_ylabel(axes_labels[1], fontsize=style.NORMAL, color=style.AXIS)
     reach = min(_REACH_M, max(area.width, area.depth))
     handles = []
+    covariances = {n: one for n, one in covariances.items() if np.trace(one) > _LEAST_M2}
     for k, (name, camera) in enumerate(cameras.items()):
         colour = _CAMERAS[k % len(_CAMERAS)]
         handles.append(_draw_camera(axes, name, camera, colour, reach))

@@ -31,6 +31,13 @@ class Identities(Columns):
         """1-D columns with their names in the file."""
         return {name: getattr(self, name) for name in self.array_names()}
 
+    def cameras_each(self) -> dict[int, int]:
+        """How many cameras saw each identity."""
+        _, camera = np.unique(self.camera, return_inverse=True)
+        pairs = np.unique(np.column_stack([self.identity, camera]), axis=0)
+        number, count = np.unique(pairs[:, 0], return_counts=True)
+        return dict(zip(number.tolist(), count.tolist(), strict=True))
+
     def of(self, camera: str) -> "Identities":
         """The rows of one camera."""
         return self.select(self.camera == camera)

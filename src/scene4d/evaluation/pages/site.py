@@ -27,11 +27,7 @@ def draw_site(evaluation: SiteEvaluation) -> dict[str, style.Drawn]:
     site = evaluation.site
     if not site.cameras:
         return {}
-    covariances = {
-        name: site.placements[name].covariance[:2, :2]
-        for name in site.cameras
-        if np.trace(site.placements[name].covariance[:2, :2]) > 1e-6
-    }
+    covariances = {name: site.placements[name].covariance[:2, :2] for name in site.cameras}
     found = evaluation.cameras, covariances, evaluation.ways
     drawn = {"site_plan": draw_site_map(*found, evaluation.aligned)}
     if len(evaluation.people.distance_m):

@@ -15,7 +15,7 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
 from scene4d.core.progress import Progress
-from scene4d.drawing.site_map import Way
+from scene4d.drawing.site_map import Way, ways_of
 from scene4d.evaluation.measures._site import (
     Agreement,
     GroundError,
@@ -33,6 +33,7 @@ from scene4d.tracking import track
 _CAMERA_FILES = (".json", ".krtd", ".xml", ".yml", ".yaml", ".ci", ".txt")
 _VIDEOS = (".mp4", ".avi", ".mkv", ".mov")
 _OFFSETS = "offsets.json"
+_WAY_STEP_S = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,23 +103,10 @@ def evaluate_site(data: str | Path, site: str | Path | None, progress: Progress)
             notes,
             aligned_truth(opened, true),
             {name: opened.camera(name) for name in opened.cameras},
-            _ways(opened) if opened.cameras else (),
+            ways_of(opened.tracks(step_s=_WAY_STEP_S), opened.identities.cameras_each())
+            if opened.cameras
+            else (),
         )
-
-
-def _ways(site: Site) -> list[Way]:
-    """Where people and vehicles went, read while the scenes are there."""
-    known, tracks = site.identities, site.tracks(step_s=0.5)
-    first = np.flatnonzero(np.diff(tracks.track, prepend=-1))
-    several = {
-        number: len(set(known.camera[known.identity == number].tolist()))
-        for number in np.unique(tracks.track).tolist()
-    }
-    return [
-        Way(int(tracks.track[rows[0]]), tracks.xy_m[rows], several[int(tracks.track[rows[0]])])
-        for rows in np.split(np.arange(len(tracks)), first[1:])
-        if len(rows) > 1
-    ]
 
 
 def _site(folder: Path, site: str | Path | None, work: Path, progress: Progress) -> Site:
