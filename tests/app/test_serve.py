@@ -2,7 +2,9 @@
 
 import http.client
 import json
+import os
 import shutil
+import signal
 import socket
 import threading
 from collections.abc import Iterator
@@ -24,6 +26,7 @@ class Running:
 
     def __init__(self, folder: Path, **options) -> None:
         app, self.served = application([folder], ServeOptions(**options))
+        self.api = app.state.api
         self.server = Server(app, self.served)
         taken = socket.create_server(("127.0.0.1", 0))
         self.port = taken.getsockname()[1]
@@ -85,9 +88,34 @@ def test_programs_are_told_what_there_is_and_search(reading):
     (found,) = said["searches"]
     assert found["events"][0]["roles"]
     assert found["understood"]
+    for form, begin in (("json", '{\n "schema": "scene4d/search/1"'), ("csv", "activity,score,")):
+        sent = json.dumps({"words": "two people meet", "format": form})
+        status, _, body = reading.ask("POST", "/api/export", sent, Content_Type="application/json")
+        assert status == 200 and body.decode().startswith(begin)
+    assert reading.post("/api/export", {"words": "two people meet", "format": "exe"})[0] == 400
     status, said = reading.post("/api/search", {"words": "colourless green ideas"})
     assert status == 400
     assert said["error"]["kind"] == "input"
+
+
+def test_a_search_that_takes_too_long_or_is_left_is_ended_and_frees_its_turn(reading, monkeypatch):
+    meet = {"words": "two people meet"}
+    assert reading.post("/api/search", meet)[0] == 200
+    process = reading.api.searcher.process
+    os.kill(process.pid, signal.SIGSTOP)  # a search that never ends
+    monkeypatch.setattr("scene4d.app._api._SEARCH_S", 0.3)
+    status, said = reading.post("/api/search", meet)
+    assert (status, said["error"]["kind"]) == (503, "slow")
+    assert process.returncode == -signal.SIGKILL
+    monkeypatch.undo()
+    assert reading.post("/api/search", meet)[0] == 200
+    process = reading.api.searcher.process
+    os.kill(process.pid, signal.SIGSTOP)
+    client = http.client.HTTPConnection("127.0.0.1", reading.port)
+    client.request("POST", "/api/search", json.dumps(meet), {"Content-Type": "application/json"})
+    client.close()
+    assert reading.post("/api/search", meet)[0] == 200
+    assert process.returncode == -signal.SIGKILL
 
 
 def test_footage_comes_in_ranges(reading):
@@ -152,13 +180,18 @@ def test_zones_are_checked_and_kept(running, tmp_path):
 def test_others_need_the_token(scene):
     with pytest.raises(InputError, match="a token is needed"):
         ServeOptions(host="0.0.0.0")
-    one = Running(scene, host="0.0.0.0", token="correct horse")
+    one = Running(scene, host="0.0.0.0", token="correct horse", public_names=["gate.example"])
     try:
         assert one.ask("GET", "/api/scene")[0] == 401
         assert one.ask("GET", "/")[0] == 401
         assert one.ask("GET", "/api/scene", Authorization="Bearer wrong horse")[0] == 401
         assert one.ask("GET", "/api/scene?token=correct%20horse")[0] == 401
-        assert one.ask("GET", "/api/scene", Authorization="Bearer correct horse")[0] == 200
+        bearer = {"Authorization": "Bearer correct horse"}
+        assert one.ask("GET", "/api/scene", **bearer)[0] == 200
+        for host, expected in (("evil.example", 421), ("10.1.2.3", 421), ("Gate.example:443", 200)):
+            assert one.ask("GET", "/api/scene", Host=host, **bearer)[0] == expected, host
+        foreign = {"Host": "gate.example", "Origin": "https://evil.example"}
+        assert one.ask("GET", "/api/scene", **foreign, **bearer)[0] == 403
         status, headers, _ = one.ask("GET", "/?token=correct%20horse")
         assert (status, headers["location"]) == (303, "/")
         assert "HttpOnly" in headers["set-cookie"]
@@ -187,6 +220,9 @@ def test_the_served_page_searches_in_a_drawn_zone_and_shows_what_is_new(opened, 
     expect(page.locator(".event")).to_have_count(1)
     page.locator(".event").click()
     assert page.locator("#timeline").get_attribute("aria-valuetext").startswith("00:07.")
+    with page.expect_download() as saving:
+        page.get_by_text("Save ActEV").click()
+    assert json.loads(Path(saving.value.path()).read_text())["filesProcessed"] == ["gate.mp4"]
     # Somebody comes after the end, in the same run.
     (folder,) = running.served._folders
     late = track(30, walk((-3, 12), (3, 12), 6), begin_s=31.0)

@@ -1,5 +1,6 @@
 """``scene4d search`` as a program."""
 
+import csv
 import json
 import re
 import shlex
@@ -61,12 +62,17 @@ def test_json_is_one_object_with_every_event(run, gate):
 
 
 def test_several_searches_in_one_command(run, gate, tmp_path):
-    actev = tmp_path / "all.json"
-    result = run("search", gate, "two people meet; person enters vehicle", "--actev", actev)
+    actev, table = tmp_path / "all.json", tmp_path / "all.csv"
+    words = "two people meet; person enters vehicle"
+    result = run("search", gate, words, "--actev", actev, "--csv", table)
     assert result.exit_code == 0, result.stderr
     assert "person enters vehicle: 1 event in 1 clip" in result.stdout
     activities = [one["activity"] for one in json.loads(actev.read_text())["activities"]]
     assert set(activities) == {"people_meet", "person_enters_vehicle"}
+    with table.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["activity"] for row in rows] == activities
+    assert rows[-1]["vehicle"] == str(scenes.PARKED) and not rows[0]["vehicle"]
     result = run("search", gate, "all activities", "--json")
     searches = json.loads(result.stdout)["searches"]
     assert len(searches) > 10

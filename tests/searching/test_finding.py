@@ -36,8 +36,9 @@ from scene4d.searching.activities import _casting as casting
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
 from scene4d.searching.activities.search import find
+from scene4d.searching.exporting import actev_files, exported
 from scene4d.searching.language import Query, Window
-from scene4d.searching.result import actev_files, clip_time
+from scene4d.searching.result import clip_time
 from scene4d.searching.stages import stage_of, thinned
 from scene4d.store.footage import NoFootage, footage_of
 from scene4d.store.query import Scene
@@ -593,8 +594,7 @@ def test_actev_names_every_clip_and_every_event(tmp_path):
     scenes.write_scene(folder, scenes.people()[1:2], run="c", provenance=nobody)
     done = search(folder, ENTERS)
     assert [run.run for run in done.runs] == ["a", "b"]  # the third has no vehicle
-    done.save_actev(tmp_path / "out.json")
-    values = read_json(tmp_path / "out.json")
+    values = json.loads(exported([done], "actev"))
     assert values["filesProcessed"] == ["gate_one.avi", "b", "nobody.avi"]
     assert set(values["processingReport"]["fileStatuses"]) == set(values["filesProcessed"])
     assert [one["activity"] for one in values["activities"]] == ["person_enters_vehicle"] * 2
@@ -609,8 +609,7 @@ def test_actev_holds_several_activities_in_one_file(tmp_path):
     scene = scenes.write_scene(tmp_path / "scene", everybody, run="a")
     asked = understand_all(Scene.open(scene), EVERYTHING, SearchOptions())
     first, *others = map(answer_silently, asked)
-    first.save_actev(tmp_path / "out.json", *others)
-    values = read_json(tmp_path / "out.json")
+    values = json.loads(exported([first, *others], "actev"))
     assert faults(values) == []
     assert values["filesProcessed"] == ["a"]
     found = Counter(one["activity"] for one in values["activities"])

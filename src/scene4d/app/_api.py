@@ -2,9 +2,8 @@
 
 import asyncio
 import json
-import threading
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import suppress
+from collections.abc import AsyncIterator, Awaitable, Callable, Collection, Coroutine
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from typing import Any
 
@@ -16,19 +15,21 @@ from starlette.responses import (
     FileResponse,
     HTMLResponse,
     JSONResponse,
+    PlainTextResponse,
     Response,
     StreamingResponse,
 )
 from starlette.routing import Route
 
 from scene4d.app._guard import Guard, refusal
+from scene4d.app._jobs import Worker
 from scene4d.app._openapi import description
 from scene4d.app._served import Served
 from scene4d.core.errors import InputError, Scene4DError
 
 _LONGEST_WORDS = 400
 _SEARCH_S = 60.0
-"""A search that takes longer is answered with an error; it ends in the background."""
+"""A search that takes longer is ended, and answered with an error."""
 _WAITING = 4
 """Searches that may wait for the one that runs."""
 _LOOK_S, _BEAT_S = 1.0, 15.0
@@ -37,16 +38,33 @@ _NUMBERS = {"min_score": (float, int), "min_probability": (float, int), "top": (
 Handler = Callable[[Request], Awaitable[Response]]
 
 
+class BusyError(Scene4DError):
+    """Too many ask at once."""
+
+    kind = "busy"
+
+
+class SlowError(Scene4DError):
+    """What was asked takes too long."""
+
+    kind = "slow"
+
+
+_STATUS = {"input": 400, "busy": 429, "slow": 503}
+
+
 class Api:
-    """The handlers of one server."""
+    """The handlers of one server; the ``searcher`` searches for all who ask."""
 
     def __init__(self, served: Served) -> None:
         self._served = served
-        self._searching = threading.Lock()
+        self.searcher = Worker()
         self._waiting = 0
 
-    def app(self, token: str | None) -> Starlette:
-        """The application, guarded."""
+    def app(self, token: str | None, names: Collection[str]) -> Starlette:
+        """The application, guarded; ``names`` are those that it answers to beside this machine's
+        own.
+        """
         routes = [
             ("/", "GET", self._page),
             ("/openapi.json", "GET", self._openapi),
@@ -55,15 +73,19 @@ class Api:
             ("/api/runs/{run:int}/video", "GET", self._video),
             ("/api/runs/{run:int}/view", "GET", self._view),
             ("/api/search", "POST", self._search),
+            ("/api/export", "POST", self._export),
             ("/api/places", "GET", self._places),
             ("/api/places", "PUT", self._save_places),
             ("/api/live", "GET", self._live),
         ]
-        return Starlette(
+        app = Starlette(
             routes=[Route(path, _told(work), methods=[method]) for path, method, work in routes],
-            middleware=[Middleware(partial(Guard, token=token))],
+            middleware=[Middleware(partial(Guard, token=token, names=names))],
+            lifespan=self._running,
             exception_handlers={404: _absent, 405: _absent},
         )
+        app.state.api = self
+        return app
 
     async def _page(self, request: Request) -> Response:
         html = await run_in_threadpool(self._served.page)
@@ -97,7 +119,21 @@ class Api:
         return Response(jpeg, media_type="image/jpeg")
 
     async def _search(self, request: Request) -> Response:
+        found = await self._one_search(request, "search", await _body(request))
+        return JSONResponse({"searches": found})
+
+    async def _export(self, request: Request) -> Response:
         said = await _body(request)
+        form = said.pop("format", None)
+        if not isinstance(form, str):
+            raise InputError("format: expected text")
+        text = await self._one_search(request, "export", said, form=form)
+        return PlainTextResponse(text)
+
+    async def _one_search(
+        self, request: Request, task: str, said: dict[str, Any], **more: str
+    ) -> Any:
+        """One at a time: two at once would take as long, and twice the memory."""
         words = said.pop("words", None)
         if not isinstance(words, str) or not 0 < len(words) <= _LONGEST_WORDS:
             raise InputError(f"words: expected text of 1 to {_LONGEST_WORDS} characters")
@@ -105,20 +141,21 @@ class Api:
             if name not in _NUMBERS or type(value) not in _NUMBERS[name]:
                 raise InputError(f"{name}: expected words, and numbers: {', '.join(_NUMBERS)}")
         if self._waiting >= _WAITING:
-            return refusal(429, "other searches are waiting; ask again later", "busy")
+            raise BusyError("other searches are waiting; ask again later")
         self._waiting += 1
         try:
-            work = run_in_threadpool(self._one_search, words, said)
-            found = await asyncio.wait_for(work, _SEARCH_S)
+            values = self._served.asked(words, said) | more
+            async with asyncio.timeout(_SEARCH_S):
+                return await _while_there(request, self.searcher.ask(task, **values))
         except TimeoutError:
-            return refusal(503, f"the search takes longer than {_SEARCH_S:.0f} s", "busy")
+            raise SlowError(f"the search takes longer than {_SEARCH_S:.0f} s") from None
         finally:
             self._waiting -= 1
-        return JSONResponse({"searches": found})
 
-    def _one_search(self, words: str, options: dict[str, Any]) -> list[dict[str, Any]]:
-        with self._searching:  # two at once would take as long, and twice the memory
-            return self._served.search(words, options)
+    @asynccontextmanager
+    async def _running(self, app: Starlette) -> AsyncIterator[None]:
+        yield
+        await self.searcher.end()
 
     async def _places(self, request: Request) -> Response:
         return JSONResponse(await run_in_threadpool(self._served.places))
@@ -164,6 +201,26 @@ def _news(served: Served, known: dict[str, int], told: dict[str, int]) -> list[t
     return news + [("alert", line) for line in served.told(told)]
 
 
+async def _while_there(request: Request, work: Coroutine[Any, Any, Any]) -> Any:
+    """What the work gives; it is cancelled where the one who asked has gone."""
+    working = asyncio.ensure_future(work)
+    leaving = asyncio.ensure_future(_left(request))
+    try:
+        await asyncio.wait({working, leaving}, return_when=asyncio.FIRST_COMPLETED)
+        if not working.done():
+            raise ClientDisconnect
+        return working.result()
+    finally:
+        leaving.cancel()
+        working.cancel()
+        await asyncio.wait({working})
+
+
+async def _left(request: Request) -> None:
+    while (await request.receive())["type"] != "http.disconnect":
+        pass
+
+
 async def _body(request: Request) -> dict[str, Any]:
     """The JSON object that was sent."""
     if request.headers.get("content-type", "").partition(";")[0] != "application/json":
@@ -188,7 +245,7 @@ def _told(work: Handler) -> Handler:
         except ClientDisconnect:
             return refusal(413, "the request is too long")
         except Scene4DError as error:
-            status = 400 if isinstance(error, InputError) else 500
+            status = _STATUS.get(error.kind, 500)
             return refusal(status, " ".join(str(error).split()), error.kind)
 
     return answered

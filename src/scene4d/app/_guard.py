@@ -1,7 +1,7 @@
 """Who may ask: host, origin, token, and how much may be sent."""
 
 import hmac
-from collections.abc import Awaitable, Callable, MutableMapping
+from collections.abc import Awaitable, Callable, Collection, MutableMapping
 from http.cookies import SimpleCookie
 from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit
@@ -37,13 +37,15 @@ def refusal(status: int, message: str, kind: str = "input") -> JSONResponse:
 class Guard:
     """Refuses what does not come from the page of this server.
 
-    Without a token only names of this machine itself are answered to, so that no page elsewhere
-    can reach the server under a name of its own (DNS rebinding). With a token every request needs
-    it: ``Authorization: Bearer TOKEN``, or the cookie that ``/?token=TOKEN`` sets.
+    It answers to names of this machine itself, the address that a request came in at, and
+    ``names``, so that no page elsewhere can reach it under a name of its own (DNS rebinding). With
+    a token every request needs it: ``Authorization: Bearer TOKEN``, or the cookie that
+    ``/?token=TOKEN`` sets.
     """
 
-    def __init__(self, app: App, token: str | None) -> None:
+    def __init__(self, app: App, token: str | None, names: Collection[str]) -> None:
         self._app, self._token = app, token
+        self._names = {name.lower() for name in names}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request, or pass it on."""
@@ -62,8 +64,10 @@ class Guard:
 
     def _judged(self, scope: Scope, headers: dict[str, str]) -> Response | None:
         host = headers.get("host", "")
-        if self._token is None and not is_loopback(_name(host)):
-            return refusal(421, "this server answers to 127.0.0.1 and localhost only", "host")
+        if not self._is_here(_name(host).lower(), scope):
+            return refusal(
+                421, "this server does not go by that name; name it as --public-name", "host"
+            )
         origin = headers.get("origin")
         foreign = headers.get("sec-fetch-site", "same-origin") not in ("same-origin", "none")
         if origin is not None and urlsplit(origin).netloc != host:
@@ -75,6 +79,10 @@ class Guard:
         if int(headers.get("content-length", "0")) > _MOST_BODY:
             return refusal(413, f"the request is longer than {_MOST_BODY:,} bytes")
         return None if self._token is None else self._identified(scope, headers)
+
+    def _is_here(self, name: str, scope: Scope) -> bool:
+        came_in_at = (scope.get("server") or ("",))[0]
+        return is_loopback(name) or name in self._names or (name == came_in_at != "")
 
     def _identified(self, scope: Scope, headers: dict[str, str]) -> Response | None:
         asked = parse_qsl(scope["query_string"].decode("latin-1"))

@@ -21,6 +21,7 @@ def description() -> dict[str, Any]:
         ("/api/runs/{run}/video", "get", "Footage, with ranges.", "video/mp4", [run]),
         ("/api/runs/{run}/view", "get", "The empty view.", "image/jpeg", [run]),
         ("/api/search", "post", "Events that words ask for.", "application/json", []),
+        ("/api/export", "post", "These events as json, csv or actev.", "text/plain", []),
         ("/api/places", "get", "Zones and lines.", "application/json", []),
         ("/api/places", "put", "Save zones and lines.", "application/json", []),
         ("/api/live", "get", "Runs that grow, and alerts.", "text/event-stream", []),
@@ -32,8 +33,8 @@ def description() -> dict[str, Any]:
             "200": {"description": summary, "content": {kind: {}}},
             "default": {"$ref": "#/components/responses/error"},
         }
-        if method in _BODIES:
-            content = {"application/json": {"schema": _BODIES[method]}}
+        if (path, method) in _BODIES:
+            content = {"application/json": {"schema": _BODIES[path, method]}}
             said["requestBody"] = {"required": True, "content": content}
         paths.setdefault(path, {})[method] = said
     return {
@@ -56,19 +57,24 @@ _PLACE = {
     "description": "points on the camera's ground, metres",
 }
 _NAMED = {"type": "object", "additionalProperties": _PLACE}
-_BODIES: dict[str, Any] = {
-    "post": {
-        "type": "object",
-        "required": ["words"],
-        "properties": {
-            "words": {"type": "string", "maxLength": 400},
-            "min_score": {"type": "number", "minimum": 0, "maximum": 1},
-            "min_probability": {"type": "number", "minimum": 0, "maximum": 1},
-            "top": {"type": "integer", "minimum": 1},
-        },
-        "additionalProperties": False,
-    },
-    "put": {"type": "object", "properties": {"zones": _NAMED, "lines": _NAMED}},
+_SEARCH: dict[str, Any] = {
+    "words": {"type": "string", "maxLength": 400},
+    "min_score": {"type": "number", "minimum": 0, "maximum": 1},
+    "min_probability": {"type": "number", "minimum": 0, "maximum": 1},
+    "top": {"type": "integer", "minimum": 1},
+}
+_FORMAT = {"format": {"enum": ["json", "csv", "actev"]}}
+
+
+def _object(properties: dict[str, Any], *required: str) -> dict[str, Any]:
+    said = {"type": "object", "properties": properties, "additionalProperties": False}
+    return said | ({"required": list(required)} if required else {})
+
+
+_BODIES: dict[tuple[str, str], Any] = {
+    ("/api/search", "post"): _object(_SEARCH, "words"),
+    ("/api/export", "post"): _object(_SEARCH | _FORMAT, "words", "format"),
+    ("/api/places", "put"): _object({"zones": _NAMED, "lines": _NAMED}),
 }
 _ERROR = {
     "description": "What is wrong, and what helps.",

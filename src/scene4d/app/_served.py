@@ -9,7 +9,6 @@ from scene4d.app._contents import (
     contents,
     places_json,
     run_of,
-    search_of,
     told_event,
     watched_events,
 )
@@ -19,8 +18,7 @@ from scene4d.app._page import page_html
 from scene4d.app._rows import rows_of
 from scene4d.core.errors import InputError
 from scene4d.core.files import write_bytes, write_json
-from scene4d.core.progress import Silent
-from scene4d.searching import SearchOptions, answer, read_places, understand_all
+from scene4d.searching import read_places
 from scene4d.store.footage import NoFootage, footage_of
 from scene4d.video.reader import open_source
 
@@ -141,12 +139,11 @@ class Served:
             raise LookupError(place.reason)
         return place
 
-    def search(self, words: str, options: dict[str, Any]) -> list[dict[str, Any]]:
-        """Searches as words ask for them, with the zones that are saved."""
-        zones = self._zones if self._zones.is_file() else None
-        whole = Opened(self._folders).whole
-        asked = understand_all(whole, words, SearchOptions(zones=zones, **options))
-        return [search_of(answer(one, Silent())) for one in asked]
+    def asked(self, words: str, options: dict[str, Any]) -> dict[str, Any]:
+        """A search for a process of its own, with the zones that are saved."""
+        zones = str(self._zones) if self._zones.is_file() else None
+        folders = [str(folder) for folder in self._folders]
+        return {"folders": folders, "words": words, "options": options | {"zones": zones}}
 
     def places(self) -> dict[str, Any]:
         """Zones and lines as their file holds them; empty where there is none."""

@@ -22,7 +22,7 @@ class ServeOptions:
     ``footage`` is a file or a folder with the footage, if it has moved since it was tracked;
     ``zones`` is the file that zones and lines are read from and saved to, ``zones.json`` in the
     first scene by default. Any ``host`` but this machine's own needs a ``token``, which every
-    request must bring.
+    request must bring. ``public_names`` are those under which others reach it, such as a proxy's.
     """
 
     host: str = "127.0.0.1"
@@ -30,6 +30,7 @@ class ServeOptions:
     token: str | None = None
     footage: str | Path | None = None
     zones: str | Path | None = None
+    public_names: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         """Check the values; raises :class:`InputError`."""
@@ -88,7 +89,7 @@ def application(
     footage = None if options.footage is None else Path(options.footage)
     zones = None if options.zones is None else Path(options.zones)
     served = Served([Path(one) for one in scenes], footage, zones)
-    return Api(served).app(options.token), served
+    return Api(served).app(options.token, (options.host, *options.public_names)), served
 
 
 def _socket(options: ServeOptions) -> socket.socket:

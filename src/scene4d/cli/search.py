@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 _ASKED = "Query"
 _RESULT = "Output"
+_FORMS = {"csv": "Table", "actev": "ActEV"}
 _SIGNS = 40
 """Signs of a predicate over time."""
 
@@ -43,7 +44,7 @@ def search(
     top: Annotated[
         int,
         typer.Option(
-            metavar="N", min=1, help="Number of events shown; --json and --actev hold all."
+            metavar="N", min=1, help="Number of events shown; --json, --csv and --actev hold all."
         ),
     ] = 10,
     min_score: Annotated[
@@ -90,6 +91,15 @@ def search(
             show_default=False,
         ),
     ] = None,
+    csv: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Table of all events, a line each.",
+            rich_help_panel=_RESULT,
+            show_default=False,
+        ),
+    ] = None,
     actev: Annotated[
         Path | None,
         typer.Option(
@@ -125,7 +135,9 @@ def search(
         )
     if footage is not None and out is None:
         raise typer.BadParameter("is for the page of --out", param_hint="--footage")
+    from scene4d.core.files import write_bytes
     from scene4d.searching import SearchOptions, answer, opened, understand_all
+    from scene4d.searching.exporting import exported
 
     options = SearchOptions(min_score, top, min_probability, tuple(catalogue or ()), zones, footage)
     asked = understand_all(opened(*scenes), words, options)
@@ -140,12 +152,13 @@ def search(
             result.explain()
         if out is not None:
             done[0].save(out, command=command_line(), progress=progress)
-        if actev is not None:
-            done[0].save_actev(actev, *done[1:])
+        files = {form: path for form, path in (("csv", csv), ("actev", actev)) if path is not None}
+        for form, path in files.items():
+            write_bytes(path, exported(done, form).encode())
     found = [one.to_dict() for one in done]
     notes = tuple(dict.fromkeys(note for one in asked for note in one.notes))
     said = found[0] if len(found) == 1 else {"searches": found}
-    return Answer(said, lambda: _show(done, explain=explain, out=out, actev=actev), notes)
+    return Answer(said, lambda: _show(done, explain=explain, out=out, files=files), notes)
 
 
 def _show_understood(asked: "Asked") -> None:
@@ -163,7 +176,7 @@ def _show_understood(asked: "Asked") -> None:
 
 
 def _show(
-    done: "list[SearchResult]", *, explain: bool, out: Path | None, actev: Path | None
+    done: "list[SearchResult]", *, explain: bool, out: Path | None, files: dict[str, Path]
 ) -> None:
     from scene4d.cli.output import screen
 
@@ -172,8 +185,8 @@ def _show(
             _show_result(console, one, named=len(done) > 1, explain=explain)
         if out is not None:
             console.print(f"Page        {out / 'search.html'}", soft_wrap=True)
-        if actev is not None:
-            console.print(f"ActEV       {actev}", soft_wrap=True)
+        for form, path in files.items():
+            console.print(f"{_FORMS[form]:11} {path}", soft_wrap=True)
 
 
 def _show_result(console: "Console", done: "SearchResult", *, named: bool, explain: bool) -> None:

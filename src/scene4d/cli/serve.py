@@ -45,6 +45,15 @@ def serve(
             show_default=False,
         ),
     ] = None,
+    public_name: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME",
+            help="Name under which others reach it, such as that of a proxy. Repeatable.",
+            rich_help_panel=_WHERE,
+            show_default=False,
+        ),
+    ] = None,
     zones: Annotated[
         Path | None,
         typer.Option(
@@ -76,7 +85,7 @@ def serve(
     from scene4d.app import ServeOptions
     from scene4d.app import serve as answer_requests
 
-    options = ServeOptions(host, port, token, footage, zones)
+    options = ServeOptions(host, port, token, footage, zones, tuple(public_name or ()))
     address = ""
 
     def ready(url: str) -> None:

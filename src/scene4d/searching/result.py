@@ -2,8 +2,6 @@
 
 import json
 import math
-import re
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -11,11 +9,10 @@ from html import escape
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
-from scene4d.core.files import write_json
 from scene4d.core.progress import Progress, Silent
 from scene4d.core.tables import data_frame
 from scene4d.core.tracks import Tracks
-from scene4d.searching._asking import Asked, reaches
+from scene4d.searching._asking import Asked
 from scene4d.searching._spots import FoundSpot, Memory
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities.course import Course
@@ -32,7 +29,6 @@ _NOT_CALIBRATED = (
 )
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _KPF = (".geom.yml", ".types.yml")
-_REFUSED_BY_SCORER = re.compile(r"[^A-Za-z0-9_\-.]")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +54,7 @@ class FoundEvent:
     @property
     def clip(self) -> str:
         """The footage's file name, without folders; for annotations without extension."""
-        return _clip_name(self.run)
+        return clip_name(self.run)
 
     @property
     def when(self) -> str:
@@ -171,7 +167,7 @@ class SearchResult:
             "events": [found.to_dict() for found in self.events],
         }
 
-    def _columns(self) -> dict[str, tuple[str, list[Any]]]:
+    def columns(self) -> dict[str, tuple[str, list[Any]]]:
         """Name, Arrow type and values of the table's columns; a role's column has its track."""
         rows = [found.to_dict() for found in self.events]
         plain = {"activity": "utf8", "score": "float64", "probability": "float64"}
@@ -191,7 +187,7 @@ class SearchResult:
         return Table.from_pydict(
             {
                 name: Array(values, getattr(DataType, kind)())
-                for name, (kind, values) in self._columns().items()
+                for name, (kind, values) in self.columns().items()
             }
         )
 
@@ -200,7 +196,7 @@ class SearchResult:
 
     def to_pandas(self) -> Any:
         """The events as a pandas DataFrame; needs pandas."""
-        return data_frame({name: values for name, (_, values) in self._columns().items()})
+        return data_frame({name: values for name, (_, values) in self.columns().items()})
 
     def _repr_html_(self) -> str:
         """The best events as a table, and a plan of the best one."""
@@ -240,32 +236,8 @@ class SearchResult:
 
         return write_page(self, Path(out), progress or Silent(), command)
 
-    def save_actev(self, path: str | Path, *others: "SearchResult") -> None:
-        """Write all events, and those of other searches of the same scene, as NIST's ActEV_Scorer
-        reads them, under the names that MEVA gives activities where it gives one; files are named
-        as the footage. Raises :class:`OutputError`.
-        """
-        from scene4d.formats.activities import ActevInstance, actev_json
 
-        results = (self, *others)
-        windows = [one.asked.query.window for one in results]
-        runs = self.asked.scene.runs
-        names = actev_files([r for r in runs if any(reaches(r, window) for window in windows)])
-        instances = [
-            ActevInstance(
-                next(iter(result.asked.query.activity.labels), found.event.activity),
-                names[found.run.run],
-                found.begin_frame,
-                found.end_frame,
-                found.event.score,
-            )
-            for result in results
-            for found in result.events
-        ]
-        write_json(path, actev_json(instances, list(names.values())))
-
-
-def _clip_name(run: Run) -> str:
+def clip_name(run: Run) -> str:
     """The file name of a run's footage, without folders; for annotations without extension."""
     source = run.provenance.get("source") or run.provenance.get("annotations")
     if not isinstance(source, str) or "://" in source:
@@ -301,18 +273,6 @@ def why_groups(why: Mapping[str, float]) -> list[tuple[str, list[tuple[str, str,
             (name, text, 0.5 if unknown else value)
         )
     return list(groups.items())
-
-
-def actev_files(runs: list[Run]) -> dict[str, str]:
-    """A name for each run's footage that the scorer accepts: characters that it refuses become
-    ``_``, and runs that would share a name are named after the run instead.
-    """
-    names = {run.run: _REFUSED_BY_SCORER.sub("_", _clip_name(run)) for run in runs}
-    count = Counter(names.values())
-    return {
-        run: _REFUSED_BY_SCORER.sub("_", run) if count[name] > 1 else name
-        for run, name in names.items()
-    }
 
 
 def _moment(run: Run, time_s: float) -> datetime | None:

@@ -3,6 +3,7 @@ import { $, announce, on, run, state, tell, world } from "./state.js";
 import { Rows } from "./tracks.js";
 import { addRun } from "./main.js";
 import { placesJson, readPlaces } from "./places.js";
+import { sent } from "./search.js";
 
 const OVERLAP_S = 8; // the newest rows are provisional: the smoother may still move them
 
@@ -65,9 +66,4 @@ async function fetchPlaces() {
   tell("places");
 }
 
-async function savePlaces() {
-  const answer = await fetch(`${world.data.api}/places`, {
-    method: "PUT", headers: { "Content-Type": "application/json" }, body: JSON.stringify(placesJson()),
-  });
-  if (!answer.ok) announce((await answer.json()).error.message);
-}
+const savePlaces = () => sent("places", placesJson(), "PUT").catch((error) => announce(error.message));

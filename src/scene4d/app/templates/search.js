@@ -45,10 +45,38 @@ function searchList(one, number) {
     ...one.notes.map((line) => element("p", { class: "soft small" }, line)),
     eventList(one.events.map((event) => spanned(event, one.words))),
     element("div", { class: "row", hidden: !one.events.length },
-      element("button", { class: "quiet", onclick: () => download("events.json", JSON.stringify(one, null, 1)) }, "Save JSON"),
-      element("button", { class: "quiet", onclick: () => download("events.csv", csvOf(one.events), "text/csv") }, "Save CSV"),
+      ...["json", "csv", "actev"].map((form) => saveButton(one, form)),
     ),
+    world.data.api ? null : element("p", { class: "soft small" }, "For NIST's ActEV scorer: ", element("code", {}, actevCommand(one.words))),
   );
+}
+
+const FILES = { json: ["events.json", "JSON"], csv: ["events.csv", "CSV"], actev: ["actev.json", "ActEV"] };
+
+// With a server, files are those of `scene4d search`; without one, the page writes what it can.
+function saveButton(one, form) {
+  const here = { json: () => JSON.stringify(one, null, 1), csv: () => csvOf(one.events) }[form];
+  if (!world.data.api && !here) return null;
+  const [name, title] = FILES[form];
+  const save = async () => {
+    try {
+      download(name, world.data.api ? await (await sent("export", { words: one.words, format: form })).text() : here(), form === "csv" ? "text/csv" : undefined);
+    } catch (error) {
+      $("asked").textContent = error.message;
+    }
+  };
+  return element("button", { class: "quiet", onclick: save }, `Save ${title}`);
+}
+
+const actevCommand = (words) => `scene4d search SCENE '${words.replaceAll("'", "'\\''")}' --actev actev.json`;
+
+// What the server answers; a refusal is thrown as it says it.
+export async function sent(path, said, method = "POST", signal = undefined) {
+  const answer = await fetch(`${world.data.api}/${path}`, {
+    method, signal, headers: { "Content-Type": "application/json" }, body: said === null ? undefined : JSON.stringify(said),
+  });
+  if (!answer.ok) throw new Error((await answer.json()).error.message);
+  return answer;
 }
 
 const CSV = ["activity", "score", "probability", "begin_s", "end_s", "begin_time", "end_time", "camera", "run", "clip"];
@@ -118,21 +146,24 @@ function spark(event, values) {
   return svg;
 }
 
+let asking = null; // what ends the search that runs
+
 async function ask(words) {
+  if (asking) return asking.abort();
   if (!words) return;
   $("asked").textContent = "Searching";
+  $("ask-button").textContent = "Stop";
+  asking = new AbortController();
   try {
-    const answer = await fetch(`${world.data.api}/search`, {
-      method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify({ words }),
-    });
-    const said = await answer.json();
-    if (!answer.ok) throw new Error(said.error.message);
+    const said = await (await sent("search", { words }, "POST", asking.signal)).json();
     for (const one of said.searches.reverse()) world.searches.unshift(one);
     const found = said.searches.reduce((sum, one) => sum + one.events.length, 0);
     $("asked").textContent = "";
     announce(`${found} event${found === 1 ? "" : "s"} found.`);
     tell("searches");
   } catch (error) {
-    $("asked").textContent = error.message;
+    $("asked").textContent = error.name === "AbortError" ? "The search was stopped." : error.message;
   }
+  asking = null;
+  $("ask-button").textContent = "Search";
 }

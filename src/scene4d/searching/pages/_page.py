@@ -1,19 +1,19 @@
 """The page of a search: what was understood, and a card for each event; all events beside it."""
 
 import base64
-import json
 from importlib.metadata import version
 from pathlib import Path
 
 from scene4d.core.files import write_bytes
 from scene4d.core.progress import Progress, timed
 from scene4d.core.staging import staged
+from scene4d.searching.exporting import exported
 from scene4d.searching.language import explain
 from scene4d.searching.pages._clip import Clip, jpeg, mp4, stills
 from scene4d.searching.pages._course import course_svg
 from scene4d.searching.pages._footage import clips_of
 from scene4d.searching.pages._plan import plan_svg, role_colours
-from scene4d.searching.result import SEARCH_SCHEMA, FoundEvent, SearchResult, why_groups
+from scene4d.searching.result import FoundEvent, SearchResult, why_groups
 from scene4d.store.footage import NoFootage
 
 _PAGE, _EVENTS = "search.html", "events.json"
@@ -29,16 +29,9 @@ def write_page(result: SearchResult, out: Path, progress: Progress, command: str
         html = search_html(result, clips, command)
         out.mkdir(parents=True, exist_ok=True)
         with staged(out, [_EVENTS], _PAGE) as folder:
-            write_bytes(folder / _EVENTS, _events_json(result).encode())
+            write_bytes(folder / _EVENTS, exported([result], "json").encode())
             write_bytes(folder / _PAGE, html.encode())
     return out / _PAGE
-
-
-def _events_json(result: SearchResult) -> str:
-    """What ``--json`` prints of the search: every event, and what it was understood as."""
-    head: dict[str, object] = {"schema": SEARCH_SCHEMA, "version": version("scene4d")}
-    head |= {"warnings": list(result.asked.notes), "error": None}
-    return json.dumps(head | result.to_dict(), indent=1, allow_nan=False) + "\n"
 
 
 def search_html(result: SearchResult, clips: list[Clip | NoFootage], command: str | None) -> str:
