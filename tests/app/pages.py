@@ -5,11 +5,11 @@ from playwright.sync_api import Page
 from walks import SIZE
 
 
-def picture_at(page: Page, u: float, v: float) -> tuple[float, float]:
+def picture_at(page: Page, u: float, v: float, size: tuple[int, int] = SIZE) -> tuple[float, float]:
     """Where a pixel of the footage is on the screen while the whole picture is shown."""
     box = page.locator("#picture").bounding_box()
     assert box is not None
-    width, height = SIZE
+    width, height = size
     scale = min(box["width"] / width, box["height"] / height)
     x = box["x"] + (box["width"] - scale * width) / 2 + scale * (u + 0.5)
     return x, box["y"] + (box["height"] - scale * height) / 2 + scale * (v + 0.5)

@@ -25,6 +25,7 @@ from scene4d.store.identities import Identities
 from scene4d.store.site import Site
 from scene4d.store.site_file import SiteFile
 from scene4d.store.site_writing import write_site
+from site_worlds import CAMERA as CAMERA_OF_WORLDS
 from site_worlds import Eye, place, seen, store, strolls
 from walks import CAMERA
 
@@ -163,6 +164,32 @@ def a_camera(rng: np.random.Generator) -> Camera:
     )
 
 
+def test_two_streams_through_one_place_are_two_arrows(browser):
+    """One goes east at 1 m/s, the other north-west at 2 m/s, and one stands."""
+    page = browser.new_page()
+    code = re.sub(r"^export |^import .*$", "", asset("look.js") + asset("flow.js"), flags=re.M)
+    velocities = [(1.0, 0.0), (-(2**0.5), 2**0.5), (0.05, 0.0)]
+    rows = {
+        "step": 100,
+        "starts": [0, 20, 40, 60],
+        "brief": [{"k": k} for k in range(3)],
+        "columns": {
+            "x_m": [10.5] * 60,
+            "y_m": [5.5] * 60,
+            "vx_mps": [vx for vx, _ in velocities for _ in range(20)],
+            "vy_mps": [vy for _, vy in velocities for _ in range(20)],
+        },
+    }
+    said = "(rows) => flowField(rows, [0, 0, 45, 45], () => true)"
+    found = page.evaluate(f"(rows) => {{ {code}; return ({said})(rows); }}", rows)
+    assert found["most"] == pytest.approx(1.0)  # 95 % of two streams: the slower
+    arrows = np.array([arrow for level in found["levels"] for arrow in level])
+    assert np.allclose(arrows[:, :2], (10.5, 5.5))
+    turns = sorted(np.degrees(np.arctan2(arrows[:, 3], arrows[:, 2])).tolist())
+    assert turns == [pytest.approx(0.0, abs=0.1), pytest.approx(135.0, abs=0.1)]
+    page.close()
+
+
 @pytest.fixture(scope="module")
 def in_browser(browser):
     """Run a function of (Camera, said, values) with the page's own camera."""
@@ -287,19 +314,24 @@ def test_the_cameras_of_a_site_share_a_plan_and_a_clock(opened, tmp_path):
     page.locator("#run-choice").select_option("1")
     assert page.locator("#now").inner_text() == moment
     # The east camera's page shows its tracks where the site has them.
-    expected = Site.open(tmp_path / "site").camera_tracks("east", keypoints=False)
-    shown = rows_shown(page, 1)
-    assert np.abs(shown - expected.xy_m).max() < 0.002
+    site = Site.open(tmp_path / "site")
+    expected = site.camera_tracks("east", keypoints=False)
     said = json.loads(page.locator("#data").text_content())
+    shown = rows_shown(said["runs"][1]["data"])
+    assert np.abs(shown - expected.xy_m).max() < 0.002
+    # On the plan everybody stands once, unless each camera's own is asked for.
+    assert np.abs(rows_shown(said["fused"]) - site.tracks().xy_m).max() < 0.002
+    page.mouse.move(*picture_at(page, 120, 160, CAMERA_OF_WORLDS.image_size))
+    tip = page.locator("#tip").inner_text()
+    assert re.search(r"Seen by\n(west|east|west, east)\n", tip), tip
     assert np.allclose(said["cameras"]["east"]["R"], Site.open(tmp_path / "site").camera("east").R)
 
 
-def rows_shown(page, number: int) -> np.ndarray:
-    """Positions that a page holds of a run, unpacked as its script does."""
-    run = json.loads(page.locator("#data").text_content())["runs"][number]["data"]
+def rows_shown(rows: dict) -> np.ndarray:
+    """Positions of packed rows, unpacked as the page's script does."""
     found = []
     for name in ("x_m", "y_m"):
-        column = run["columns"][name]
+        column = rows["columns"][name]
         codes = np.frombuffer(base64.b64decode(column["codes"]), "<u2")
         found.append(column["offset"] + column["scale"] * codes)
     return np.column_stack(found)

@@ -70,6 +70,7 @@ class Api:
             ("/openapi.json", "GET", self._openapi),
             ("/api/scene", "GET", self._scene),
             ("/api/runs/{run:int}/rows", "GET", self._rows),
+            ("/api/fused", "GET", self._fused),
             ("/api/runs/{run:int}/video", "GET", self._video),
             ("/api/runs/{run:int}/view", "GET", self._view),
             ("/api/search", "POST", self._search),
@@ -108,6 +109,9 @@ class Api:
         return JSONResponse(
             await run_in_threadpool(self._served.rows, request.path_params["run"], since_s)
         )
+
+    async def _fused(self, request: Request) -> Response:
+        return JSONResponse(await run_in_threadpool(self._served.fused))
 
     async def _video(self, request: Request) -> Response:
         path = await run_in_threadpool(self._served.video, request.path_params["run"])

@@ -70,6 +70,10 @@ class Opened:
         begin_s = begin_s if since_s is None else max(begin_s, since_s)
         return self.site.camera_tracks(one.camera, keypoints=False, begin=begin_s, end=end_s + 1e-6)
 
+    def fused(self) -> Tracks | None:
+        """Everybody of a site once, whichever of several cameras saw them; None for scenes."""
+        return None if self.site is None else self.site.tracks()
+
     @property
     def unplaced(self) -> dict[str, str]:
         """Cameras of a site whose place is not known, and why."""

@@ -12,7 +12,7 @@ from scene4d.app._footage import Footage
 from scene4d.drawing.page import rendered
 
 MODULES = (
-    *("packed", "camera", "tracks", "state", "viewport", "look", "scenery"),
+    *("packed", "camera", "tracks", "state", "viewport", "look", "scenery", "flow", "run"),
     *("picture", "plan", "timeline", "clock", "tools", "places", "judge"),
     *("tables", "panel", "search", "live", "keys", "main"),
 )

@@ -81,7 +81,7 @@ class Served:
             numbered = [(n, self._shown.get(name)) for n, name in enumerate(self._names)]
         runs = [self._run(one) | {"number": n} for n, one in numbered if one is not None]
         said = contents(self._folders, opened, runs)
-        return said | {"searches": [], "places": None}
+        return said | {"searches": [], "places": None, "fused": None}
 
     def _run(self, shown: Shown) -> dict[str, Any]:
         place = self._place(shown)
@@ -104,6 +104,14 @@ class Served:
         shown = self._named(number)
         with self._lock:
             return rows_of(self._opened.tracks(shown, since_s))
+
+    def fused(self) -> dict[str, Any]:
+        """Rows of everybody once; raises :class:`LookupError` where this is no site."""
+        with self._lock:
+            tracks = self._opened.fused()
+        if tracks is None:
+            raise LookupError("cameras of scenes share no ground; align makes a site of them")
+        return rows_of(tracks)
 
     def video(self, number: int) -> Path:
         """A file that browsers play; footage in other forms is encoded once, at its first use.

@@ -77,7 +77,9 @@ def view(
             media.append(footage)
             step(1)
     said = contents(folders, opened, runs)
+    fused = opened.fused()
     said |= {"searches": found, "places": _places(opened, options)}
+    said |= {"fused": None if fused is None else rows_of(fused)}
     write_bytes(out, page_html(said, media).encode())
     return Path(out)
 

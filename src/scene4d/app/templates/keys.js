@@ -13,8 +13,8 @@ const KEYS = [
   ["N, P", "next, previous event"], ["+ −", "faster, slower"],
   ...TOOLS.map(([, title, key]) => [key.toUpperCase(), `tool: ${title.toLowerCase()}`]),
   ["Enter, Esc", "end or drop what is being drawn"],
-  ...LAYERS.map(([, title], i) => [String(i + 1), `layer: ${title.toLowerCase()}`]),
-  ["0", "photo below the plan"], ["R", "both views whole again"], ["?", "this table"],
+  ...LAYERS.map(([, title, , key]) => [key.toUpperCase(), `layer: ${title.toLowerCase()}`]),
+  ["R", "both views whole again"], ["?", "this table"],
 ];
 
 export function startKeys() {
@@ -37,14 +37,14 @@ function pressed(event) {
 
 function actionOf(event) {
   const far = event.shiftKey ? 10 * FRAME_MS : FRAME_MS;
-  const layer = LAYERS[Number(event.key) - 1];
-  if (layer && event.key !== "0") return () => toggleLayer(layer[0]);
+  const layer = LAYERS.find(([, , , key]) => key === event.key.toLowerCase());
+  if (layer) return () => toggleLayer(layer[0]);
   const tool = TOOLS.find(([, , key]) => key === event.key.toLowerCase());
   if (tool) return () => set("tool", tool[0]);
   return {
     " ": toggle, ArrowLeft: () => step(-far), ArrowRight: () => step(far),
     n: () => toEvent(1), p: () => toEvent(-1), "+": () => faster(2), "-": () => faster(0.5),
-    0: () => toggleLayer("photo"), "?": () => $("helping").showModal(), Enter: finishPlace, Escape: drop,
+    "?": () => $("helping").showModal(), Enter: finishPlace, Escape: drop,
     r: () => [pictureView(), planView()].forEach((view) => view.reset()),
   }[event.key.length === 1 ? event.key.toLowerCase() : event.key];
 }

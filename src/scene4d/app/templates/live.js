@@ -1,7 +1,7 @@
 // With a server: rows and footage are fetched, and what is new comes by itself.
 import { $, announce, on, run, state, tell, world } from "./state.js";
 import { Rows } from "./tracks.js";
-import { addRun } from "./main.js";
+import { addRun, standTogether } from "./main.js";
 import { placesJson, readPlaces } from "./places.js";
 import { sent } from "./search.js";
 
@@ -14,9 +14,16 @@ export async function fetchRows(now, sinceS = null) {
   return new Rows(await answer.json(), now.said.step_s);
 }
 
+// Everybody of a site once, fused over cameras.
+async function fetchFused() {
+  const answer = await fetch(`${world.data.api}/fused`);
+  if (answer.ok) standTogether(await answer.json());
+}
+
 export function startLive() {
   if (!world.data.api) return;
   fetchPlaces();
+  if (world.data.site) fetchFused();
   on("places-changed", savePlaces);
   const source = new EventSource(`${world.data.api}/live`);
   source.addEventListener("run", (event) => grown(JSON.parse(event.data)));

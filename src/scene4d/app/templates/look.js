@@ -67,6 +67,7 @@ export function halo(context, paint, width = 3, dark = "rgba(12, 16, 22, 0.65)")
   paint();
 }
 
+// Words on a dark ground, and how wide they are.
 export function label(context, text, x, y, options = {}) {
   const { fill = "#fff", back = "rgba(16, 20, 26, 0.82)", align = "left" } = options;
   context.font = "600 11.5px system-ui, sans-serif";
@@ -80,4 +81,5 @@ export function label(context, text, x, y, options = {}) {
   context.textBaseline = "alphabetic";
   context.textAlign = "left";
   context.fillText(text, left + 5, y - 3.5);
+  return wide;
 }

@@ -1,9 +1,9 @@
 // Begin: the data into runs, the parts of the page onto them.
-import { $, draw, element, on, passes, run, set, state, tell, world } from "./state.js";
+import { $, draw, element, on, run, set, state, tell, world } from "./state.js";
 import { Camera } from "./camera.js";
+import { Run, Together } from "./run.js";
 import { Rows } from "./tracks.js";
 import { bytesOf } from "./packed.js";
-import { areaOf } from "./scenery.js";
 import { forgetColours } from "./look.js";
 import { startPicture } from "./picture.js";
 import { startPlan } from "./plan.js";
@@ -17,58 +17,7 @@ import { readPlaces } from "./places.js";
 import { fetchRows, startLive } from "./live.js";
 import { startKeys } from "./keys.js";
 
-class Run {
-  constructor(said, camera, number) {
-    this.said = said;
-    this.camera = camera;
-    this.number = number;
-    this.version = 0;
-    this.events = [];
-    this.watched = said.watched || [];
-    this.viewReady = false;
-    this.areaVersion = 0;
-    this.replaceRows(new Rows(said.data || { rows: 0, tracks: [] }, said.step_s));
-    said.data = null;
-  }
-
-  replaceRows(rows) {
-    this.rows = rows;
-    this.version++;
-    this.begin = 1000 * Math.min(this.said.begin_s, rows.begin / 1000);
-    this.end = Math.max(this.begin + 100, 1000 * this.said.end_s, rows.end);
-    if (!this.area || !this.area.whole) {
-      this.area = areaOf(rows, this.camera);
-      this.area.whole = rows.count > 0;
-      this.areaVersion++;
-      this.photo = null;
-    }
-    this.footUv = null;
-    this.kept = null;
-  }
-
-  // Who is there now and passes the filter.
-  there() {
-    const key = `${state.ms} ${this.version} ${JSON.stringify(state.filter)}`;
-    if (!this.kept || this.kept.key !== key) {
-      const found = this.rows.at(state.ms).filter((one) => passes(this.rows.brief[one.k]));
-      this.kept = { key, found: found.map((one) => this.rows.state(one)) };
-    }
-    return this.kept.found;
-  }
-
-  // Where every row's place on the ground is seen.
-  feet() {
-    if (!this.footUv) {
-      const { x_m: x, y_m: y } = this.rows.columns;
-      this.footUv = new Float32Array(2 * this.rows.count).fill(NaN);
-      for (let i = 0; i < this.rows.count; i++) {
-        const uv = Number.isFinite(x[i]) ? this.camera.project(x[i], y[i], 0) : null;
-        if (uv) this.footUv.set(uv, 2 * i);
-      }
-    }
-    return this.footUv;
-  }
-}
+const FUSED_STEP_S = 0.2; // as Site.tracks
 
 function loadMedia(now) {
   const api = world.data.api;
@@ -138,6 +87,11 @@ export function addRun(said, camera) {
   $("choice").hidden = world.runs.length < 2;
 }
 
+export function standTogether(said) {
+  world.fused = new Together(new Rows(said, FUSED_STEP_S), world.runs);
+  draw();
+}
+
 function begin() {
   world.data = JSON.parse($("data").textContent);
   world.searches = world.data.searches || [];
@@ -145,6 +99,7 @@ function begin() {
   world.marks = [];
   world.data.runs.forEach((said) => addRun(said, world.data.cameras[said.camera]));
   $("run-choice").addEventListener("change", () => set("run", Number($("run-choice").value)));
+  if (world.data.fused) standTogether(world.data.fused);
   startTheme();
   startPicture();
   startPlan();

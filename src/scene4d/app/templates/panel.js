@@ -76,24 +76,22 @@ function startTabs() {
 }
 
 function startLayers() {
-  LAYERS.forEach(([name, title], i) => {
+  for (const [name, title, , key] of LAYERS) {
+    if (name === "apart" && !world.data.site) continue;
     $("layers").append(element("button", {
-      class: "chip", "data-layer": name, title: `${title} (${i + 1})`, onclick: () => toggleLayer(name),
+      class: "chip", "data-layer": name, title: `${title} (${key.toUpperCase()})`, onclick: () => toggleLayer(name),
     }, title));
-  });
-  $("layers").append(element("button", { class: "chip", "data-layer": "photo", title: "Photo below the plan (0)", onclick: () => toggleLayer("photo") }, "Plan photo"));
+  }
   const show = () => {
     for (const chip of document.querySelectorAll("#layers .chip")) {
-      const name = chip.dataset.layer;
-      chip.setAttribute("aria-pressed", String(name === "photo" ? state.photo : state.layers[name]));
+      chip.setAttribute("aria-pressed", String(state.layers[chip.dataset.layer]));
     }
   };
-  on("layers photo", show);
+  on("layers", show);
   show();
 }
 
 export function toggleLayer(name) {
-  if (name === "photo") return set("photo", !state.photo);
   state.layers[name] = !state.layers[name];
   tell("layers");
 }

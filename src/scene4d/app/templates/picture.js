@@ -3,6 +3,7 @@ import { $, isChosen, isLit, on, passes, run, state } from "./state.js";
 import { Cached, Viewport } from "./viewport.js";
 import { ON_PICTURE, halo, label } from "./look.js";
 import { gridLines, horizonCurve, layer } from "./scenery.js";
+import { flowLegend, paintFlow } from "./flow.js";
 import { marksInPicture } from "./tools.js";
 import { triedCamera } from "./judge.js";
 
@@ -11,6 +12,7 @@ const TRAIL_MS = 4000;
 let view = null;
 let paths = null;
 let scene = null;
+let flow = null;
 
 export function startPicture() {
   const canvas = $("picture");
@@ -20,6 +22,7 @@ export function startPicture() {
   });
   paths = new Cached(view);
   scene = new Cached(view);
+  flow = new Cached(view);
   on("run", () => view.reset());
   on("draw", paintPicture);
   return view;
@@ -38,6 +41,7 @@ function paintPicture() {
     scene.show(key, (made) => paintScene(made, now));
   }
   if (layer("paths")) paths.show(`${state.run} ${now.version} ${JSON.stringify(state.filter)}`, (made) => paintPaths(made, now));
+  if (layer("flow")) flow.show(`${state.run} ${now.version} ${JSON.stringify(state.filter)}`, (made) => paintStreams(made, now));
   const there = now.there();
   if (layer("paths")) there.forEach((one) => paintTrail(context, now, one));
   for (const one of there) paintOne(context, now, one);
@@ -103,6 +107,14 @@ function paintPaths(context, now) {
     strokeRows(context, feet, now.rows.starts[brief.k], now.rows.starts[brief.k + 1]);
   }
   context.globalAlpha = 1;
+}
+
+function paintStreams(context, now) {
+  paintFlow(context, now.flow(), (x, y) => {
+    const uv = now.camera.project(x, y, 0);
+    return uv && view.to(...uv);
+  });
+  flowLegend(context, now.flow(), 10, 26);
 }
 
 function strokeRows(context, feet, first, last) {

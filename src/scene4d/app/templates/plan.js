@@ -2,7 +2,8 @@
 import { $, isLit, on, passes, run, state, world } from "./state.js";
 import { Cached, Viewport } from "./viewport.js";
 import { colour, label, niceStep } from "./look.js";
-import { groundPhoto, heatMap, layer } from "./scenery.js";
+import { groundPhoto, layer } from "./scenery.js";
+import { flowLegend, paintFlow } from "./flow.js";
 import { cornersOf, ellipse } from "./picture.js";
 import { marksOnPlan } from "./tools.js";
 
@@ -12,6 +13,7 @@ let view = null;
 let paths = null;
 let below = null;
 let heat = null;
+let flow = null;
 
 export function startPlan() {
   view = new Viewport($("plan"), () => {
@@ -22,6 +24,7 @@ export function startPlan() {
   paths = new Cached(view);
   below = new Cached(view);
   heat = new Cached(view);
+  flow = new Cached(view);
   on("run", () => (world.data.site ? view.changed() : view.reset()));
   on("draw", paintPlan);
   return view;
@@ -42,11 +45,13 @@ function paintPlan() {
   const context = view.begin();
   const look = document.documentElement.dataset.theme;
   const ready = together(now).map((one) => `${one.viewReady} ${one.areaVersion}`);
-  const key = `${state.run} ${state.photo} ${ready} ${look}`;
-  below.show(key, (made) => paintGround(made, now));
-  if (layer("heat")) heat.show(`${state.run} ${now.version} ${now.areaVersion} ${JSON.stringify(state.filter)}`, (made) => paintHeat(made, now));
-  if (layer("paths")) paths.show(`${state.run} ${together(now).map((one) => one.version)} ${look} ${JSON.stringify(state.filter)}`, (made) => together(now).forEach((one) => paintPaths(made, one)));
-  for (const other of together(now)) {
+  below.show(`${state.run} ${layer("photo")} ${ready} ${look}`, (made) => paintGround(made, now));
+  const whole = moving(now)[0]; // heat and flow of one camera only where each has its own
+  const what = `${state.run} ${layer("apart")} ${moving(now).map((one) => one.version)} ${JSON.stringify(state.filter)}`;
+  if (layer("heat")) heat.show(what, (made) => paintHeat(made, layer("apart") ? now : whole));
+  if (layer("paths")) paths.show(`${what} ${look}`, (made) => moving(now).forEach((one) => paintPaths(made, one)));
+  if (layer("flow")) flow.show(what, (made) => paintStreams(made, layer("apart") ? now : whole));
+  for (const other of moving(now)) {
     const there = other.there();
     if (layer("paths")) there.forEach((one) => paintTrail(context, other, one));
     paintSelected(context, other);
@@ -70,9 +75,12 @@ function paintGround(context, now) {
 // The runs on this ground: all of a site.
 const together = (now) => (world.data.site ? world.runs : [now]);
 
+// What moves on it: in a site everybody once, or as each camera sees them.
+const moving = (now) => (world.fused && !layer("apart") ? [world.fused] : together(now));
+
 function paintPhoto(context, now) {
   const [x0, y0, x1, y1] = now.area;
-  if (state.photo && now.view) {
+  if (layer("photo") && now.view) {
     now.photo ??= groundPhoto(now.camera, now.view, now.area);
     const [a, b] = onPlan(x0, y1);
     context.globalAlpha = 0.55;
@@ -157,12 +165,17 @@ function paintCamera(context, { camera, area, said }, current) {
 }
 
 function paintHeat(context, now) {
-  const found = heatMap(now.rows, now.area, passes);
+  const found = now.heat();
   const [x0, y0, x1, y1] = now.area;
   const [a, b] = onPlan(x0, y1);
   context.imageSmoothingQuality = "high";
   context.drawImage(found.canvas, a, b, (x1 - x0) * view.scale, (y1 - y0) * view.scale);
   label(context, `darkest: ${found.most < 10 ? found.most.toFixed(1) : Math.round(found.most)} s per m²`, 30, view.height - 24);
+}
+
+function paintStreams(context, now) {
+  paintFlow(context, now.flow(), onPlan);
+  flowLegend(context, now.flow(), 30, view.height - (layer("heat") ? 46 : 24));
 }
 
 function paintPaths(context, now) {
@@ -278,7 +291,7 @@ function paintScale(context) {
 
 export function trackOnPlan(now, px, py) {
   let [found, least] = [null, NEAR_PX];
-  for (const one of together(now).flatMap((other) => other.there())) {
+  for (const one of moving(now).flatMap((other) => other.there())) {
     const [x, y] = onPlan(...one.xy);
     const away = Math.hypot(x - px, y - py);
     if (away < least) [found, least] = [one, away];

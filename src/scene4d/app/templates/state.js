@@ -1,21 +1,24 @@
 // What the page shows at the moment, and who is told when it changes.
 const listeners = new Map();
 
+// Name, title, whether it is on at first, and its key.
 export const LAYERS = [
-  ["boxes", "Boxes", true], ["feet", "Feet", true], ["paths", "Paths", true],
-  ["cuboids", "Cuboids", false], ["sigma", "Uncertainty", false], ["grid", "Ground grid", false],
-  ["horizon", "Horizon", false], ["heat", "Heat map", false], ["uprights", "Uprights", false],
+  ["boxes", "Boxes", true, "1"], ["feet", "Feet", true, "2"], ["paths", "Paths", true, "3"],
+  ["cuboids", "Cuboids", false, "4"], ["sigma", "Uncertainty", false, "5"], ["grid", "Ground grid", false, "6"],
+  ["horizon", "Horizon", false, "7"], ["heat", "Heat map", false, "8"], ["flow", "Flow", false, "f"],
+  ["uprights", "Uprights", false, "9"], ["photo", "Plan photo", true, "0"], ["apart", "Each camera's own", false, "a"],
 ];
 
 export const state = {
   run: 0, ms: 0, playing: false, speed: 1, tool: "look",
-  hover: null, selected: null, cast: [], pointer: null, photo: true,
+  hover: null, selected: null, cast: [], pointer: null,
   layers: Object.fromEntries(LAYERS.map(([name, , on]) => [name, on])),
   filter: { kind: "all", fastest: 0, path: 0, words: "", zone: "", lasting: 0 },
   tried: null, span: null,
 };
 
-export const world = { data: null, runs: [] };
+// `fused` is everybody of a site once; null for a scene.
+export const world = { data: null, runs: [], fused: null };
 
 export function on(names, listener) {
   for (const name of names.split(" ")) {

@@ -103,7 +103,7 @@ export function aboutTrack(one) {
     row("Place", Number.isFinite(one.xy[0]) ? `${one.xy[0].toFixed(1)}, ${one.xy[1].toFixed(1)} m` : "unknown"),
     row("± in the scene", metres(own)),
     row("± with the camera's error", metres(whole)),
-    row("From the camera", metres(away, 1)),
+    world.fused ? row("Seen by", seenBy(brief.track).join(", ") || "nobody now") : row("From the camera", metres(away, 1)),
     row("Speed", `${Math.hypot(...one.velocity).toFixed(1)} m/s`),
   );
   if (Number.isFinite(brief.height_m)) list.append(row("Height", plusMinus(brief.height_m, brief.height_sigma_m)));
@@ -112,6 +112,9 @@ export function aboutTrack(one) {
   list.append(row("Now", one.observed ? "seen" : "not seen, bridged"));
   return [element("strong", {}, `${brief.class} ${brief.track}`), list];
 }
+
+// The cameras of a site that see somebody now.
+const seenBy = (track) => world.runs.filter((one) => one.there().some((other) => other.brief.track === track && other.observed)).map((one) => one.said.camera);
 
 export function clicked(pane, place, [px, py]) {
   const now = run();
