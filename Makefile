@@ -2,6 +2,7 @@
 #   make demo    calibrate the sample video and say where the report lies
 #   make test    lint, types, layers and tests, as .ci/run does
 #   make bench   measure, and write docs/benchmarks.md (12 minutes)
+#   make wheel   build wheel and sdist, and run the README in an empty environment (8 minutes)
 # Another Python: make test PYTHON=python3.12      Another place: make test VENV=/tmp/env
 # Some of the tests: make test TESTS=tests/core, or TESTS='-m "not shared_data"'
 
@@ -25,11 +26,11 @@ PIP := PIP_NO_INPUT=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignor
 	$(BIN)/python -m pip --quiet
 INSTALL := $(CONSTRAINED) $(PIP) install --no-compile
 
-.PHONY: help demo test lint types layers browser pytest format bench install-size clean
+.PHONY: help demo test lint types layers browser pytest format bench wheel install-size clean
 .DELETE_ON_ERROR:
 
 help:
-	@sed -n 's/^# \{0,1\}//;1,6p' $(firstword $(MAKEFILE_LIST))
+	@sed -n 's/^# \{0,1\}//;1,7p' $(firstword $(MAKEFILE_LIST))
 
 demo: $(RUNTIME)
 	$(BIN)/scene4d demo
@@ -61,6 +62,9 @@ format: $(DEV)
 
 bench: $(BENCH)
 	$(BIN)/python -m benchmarks --write
+
+wheel:
+	$(PYTHON) scripts/wheel.py
 
 install-size:
 	$(PYTHON) benchmarks/install_size.py

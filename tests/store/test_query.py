@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import sys
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
@@ -417,9 +418,12 @@ def test_manifests_of_wrong_types_are_bad_input(tmp_path):
                 assert fits, (name, part, value)
 
 
-def test_a_scene_is_a_table_for_other_libraries(scene):
-    assert scene.to_pandas(classes=["car"])["class"].unique().tolist() == ["car"]
+def test_a_scene_is_a_table_for_other_libraries(scene, monkeypatch):
     assert pa.table(scene).num_rows == len(scene)
+    monkeypatch.setitem(sys.modules, "pyarrow", None)  # the extra pandas does not bring it
+    frame = scene.to_pandas(classes=["car"])
+    assert frame["class"].unique().tolist() == ["car"]
+    assert str(frame["time"].dtype) == "datetime64[ns, UTC]"
     with pytest.raises(TypeError, match="unknown keyword 'class_'"):
         scene.rows(class_=["car"])
 

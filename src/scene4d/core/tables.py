@@ -1,4 +1,4 @@
-"""Tables of people as Parquet, through arro3.
+"""Tables of people as Parquet: written through arro3, read through DuckDB.
 
 arro3 is Rust's Arrow and Parquet in 35 MB; pyarrow does the same in 170 MB of the 600 MB that the
 whole installation may take. The files are ordinary Parquet for every other reader.
@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 from arro3.core import Array, DataType, Table
-from arro3.io import read_parquet, write_parquet
+from arro3.io import write_parquet
 
 from scene4d.core.errors import InputError, UnavailableError
 from scene4d.core.files import write_bytes
+from scene4d.core.text import quoted
 
 _MAGIC = b"PAR1"
 
@@ -36,8 +37,16 @@ def data_frame(columns: Mapping[str, Any] | Table) -> Any:
         import pandas as pd  # type: ignore[import-untyped]
     except ImportError as error:
         raise UnavailableError("to_pandas needs pandas: pip install 'scene4d[pandas]'") from error
-    arrow = isinstance(columns, Table)
-    return pd.DataFrame.from_arrow(columns) if arrow else pd.DataFrame(dict(columns))
+    if not isinstance(columns, Table):
+        return pd.DataFrame(dict(columns))
+    import duckdb  # pandas itself needs pyarrow for this
+
+    with duckdb.connect() as connection:
+        frame = connection.from_arrow(columns).df()
+    for field in columns.schema:
+        if DataType.is_timestamp(field.type) and field.type.tz is not None:
+            frame[field.name] = frame[field.name].dt.tz_localize(field.type.tz)
+    return frame
 
 
 def write_people(path: str | os.PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
@@ -65,32 +74,35 @@ def _arrow(name: str, values: np.ndarray) -> Array:
 def read_table(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """The columns of a Parquet file of numbers, booleans and strings, in its order.
 
-    Raises :class:`InputError` for a file that is not Parquet or has missing values.
+    Raises :class:`InputError` for a file that is not Parquet or has missing values. DuckDB reads
+    it: arro3 panics on damaged files, which prints a trace that nobody can catch.
     """
+    import duckdb
+
     path = Path(path)
     try:
         content = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    # The Rust reader panics on anything that is not Parquet, so check first.
     if len(content) < 12 or not (content.startswith(_MAGIC) and content.endswith(_MAGIC)):
         raise InputError(f"{path}: is not a whole Parquet file")
     try:
-        table = read_parquet(io.BytesIO(content)).read_all()
-    except BaseException as error:  # its panics are no Exception
-        if isinstance(error, Exception) or type(error).__name__ == "PanicException":
-            raise InputError(f"{path}: is a damaged Parquet file: {error}") from error
-        raise
-    return {name: _column(path, name, table) for name in table.column_names}
+        with duckdb.connect() as connection:
+            columns = connection.read_parquet(os.fspath(path)).fetchnumpy()
+    except (duckdb.Error, RuntimeError) as error:
+        raise InputError(f"{path}: is a damaged Parquet file: {quoted(str(error))}") from error
+    return {name: _column(path, name, values) for name, values in columns.items()}
 
 
-def _column(path: Path, name: str, table: Table) -> np.ndarray:
-    column = table[name]
-    if column.null_count:
-        raise InputError(f"{path}: column {name!r} has {column.null_count} missing values")
-    if column.type == DataType.utf8():
-        return np.array(column.to_pylist(), dtype=str)
-    if not table.num_rows:  # arro3 cannot join zero chunks; one row of zeros has the type
-        empty = Array.from_numpy(np.zeros(1)).cast(column.type)
-        return np.asarray(empty.to_numpy())[:0]
-    return np.asarray(column.to_numpy())
+def _column(path: Path, name: str, values: np.ndarray) -> np.ndarray:
+    missing = int(np.sum(getattr(values, "mask", False)))
+    if missing:
+        raise InputError(f"{path}: column {quoted(name)} has {missing} missing values")
+    plain = np.asarray(values)
+    if plain.dtype.kind == "O" and all(isinstance(value, str) for value in plain):
+        return np.array(plain.tolist(), dtype=str)
+    if plain.dtype.kind not in "fiub":
+        raise InputError(
+            f"{path}: column {quoted(name)}: expected numbers, booleans or strings, found others"
+        )
+    return plain

@@ -12,7 +12,6 @@ import itertools
 import json
 import os
 import re
-import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -164,14 +163,15 @@ def _check_settings(path: Path, settings: dict[str, Any], *, binding: bool) -> N
         return
     before, now = dict(_leaves(stored.get("settings"))), dict(_leaves(settings))
     differing = [
-        f"{name} ({_shown(before, name)} there, {_shown(now, name)} now)"
+        f"{_short(name)} ({_short(_shown(before, name))} there, {_short(_shown(now, name))} now)"
         for name in sorted({*before, *now})
         if _shown(before, name) != _shown(now, name)
     ]
     if differing:
+        more = f" and {len(differing) - 5} more" if len(differing) > 5 else ""
         raise InputError(
-            f"{path.parent}: holds detections under other settings: {', '.join(differing)}; remove "
-            "the folder to detect again, or choose another"
+            f"{path.parent}: holds detections under other settings: {', '.join(differing[:5])}"
+            f"{more}; remove the folder to detect again, or choose another"
         )
 
 
@@ -188,6 +188,10 @@ def _shown(leaves: dict[str, Any], name: str) -> str:
     return json.dumps(leaves[name]) if name in leaves else _ABSENT
 
 
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
 def _read_chunk(path: Path) -> Look:
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
@@ -197,7 +201,7 @@ def _read_chunk(path: Path) -> Look:
         for name in ("image_size", "keypoint_names"):
             columns[name] = tuple(columns[name].tolist())
         return Look(frame, time_s, Detections(**columns), appearance)
-    except (OSError, ValueError, EOFError, KeyError, TypeError, zipfile.BadZipFile) as error:
+    except Exception as error:  # whatever zipfile and numpy make of damaged bytes
         raise InputError(
-            f"{path}: is damaged: {error}; remove it, and it is detected again"
+            f"{path}: is damaged: {quoted(str(error))}; remove it, and it is detected again"
         ) from error

@@ -26,6 +26,8 @@ from scene4d.searching.predicates._registry import PREDICATES, Predicate
 _ACTIVITY = ("description", "phrases", "labels", "roles", "phases", "relations", "state", "after")
 _PHASE = ("name", "lasts", "gap", "unseen", "holds")
 _BUILT_IN = "catalogue.yaml"
+_LONGEST_TEXT = 300
+"""Characters, twice what the package's own catalogue needs, so that messages can quote any text."""
 
 
 def load_catalogue(
@@ -217,6 +219,10 @@ class _Reader:
         with self._at(node):
             if not isinstance(node, yaml.ScalarNode) or not node.value.strip():
                 raise InputError(f"expected a word, found {_kind(node)}")
+            if len(node.value) > _LONGEST_TEXT:
+                raise InputError(
+                    f"{len(node.value)} characters in one text, expected at most {_LONGEST_TEXT}"
+                )
         return node.value
 
     def _number(self, node: yaml.Node) -> float:

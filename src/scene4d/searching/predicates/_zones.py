@@ -21,6 +21,8 @@ _CROSSING_SIGMA_M = 0.2
 """How vague the borders are that people draw: less than a step, chosen by hand."""
 _CROSSING_WINDOW_S = 1.0
 _ON_EDGE_M = 1e-9
+_FARTHEST_M = 1e7
+"""A quarter of the way around the Earth; products of such numbers do not overflow."""
 _BLOCK = 1 << 14
 """Rows compared with all edges at a time, so that (rows, edges) stays small."""
 
@@ -97,8 +99,8 @@ def check_place(kind: str, name: str, points: Float[np.ndarray, "m 2"]) -> None:
     The last corner of a zone is joined to the first, and may repeat it.
     """
     what, least = f"{kind} {name!r}", 3 if kind == "zone" else 2
-    if not np.isfinite(points).all():
-        raise InputError(f"{what}: a point is not finite")
+    if not (np.abs(points) < _FARTHEST_M).all():
+        raise InputError(f"{what}: a point is not finite, or farther than {_FARTHEST_M:g} m")
     if kind == "zone":
         points = _open(points)
     if len(points) < least:
