@@ -18,6 +18,7 @@ from finding_scenes import parked, people, track, walk, write_scene
 from scene4d.app import ServeOptions, application
 from scene4d.app._server import Server
 from scene4d.core.errors import InputError
+from scene4d.searching.kept import kept_searches
 from walks import CAMERA
 
 
@@ -177,6 +178,31 @@ def test_zones_are_checked_and_kept(running, tmp_path):
     assert json.loads(running.ask("GET", "/api/places")[2]) == {}
 
 
+def test_searches_are_kept_for_those_who_watch(running):
+    (folder,) = running.served._folders
+    kept = {"searches": ["two people meet"]}
+    for _ in range(2):
+        assert running.post("/api/alerts", {"words": "two people meet"}, "PUT") == (200, kept)
+    assert kept_searches(folder) == ("two people meet",)
+    for words in ("colourless green ideas", "person in zone nowhere", "", "x" * 401, 7):
+        assert running.post("/api/alerts", {"words": words}, "PUT")[0] == 400, words
+    assert json.loads(running.ask("GET", "/api/alerts")[2]) == kept
+    nothing = {"searches": []}
+    assert running.post("/api/alerts", {"words": "two people meet"}, "DELETE") == (200, nothing)
+    bad = (
+        [1],
+        {"schema": "other"},
+        {"schema": "scene4d/standing/1", "searches": [1]},
+        {"schema": "scene4d/standing/1", "searches": ["a"] * 33},
+        {"schema": "scene4d/standing/1", "searches": [], "targets": ["exec:rm"]},
+    )
+    for said in bad:
+        (folder / "standing.json").write_text(json.dumps(said))
+        with pytest.raises(InputError, match=r"standing.json"):
+            kept_searches(folder)
+    assert running.post("/api/alerts", {"words": "two people meet"}, "PUT")[0] == 400
+
+
 def test_others_need_the_token(scene):
     with pytest.raises(InputError, match="a token is needed"):
         ServeOptions(host="0.0.0.0")
@@ -223,6 +249,9 @@ def test_the_served_page_searches_in_a_drawn_zone_and_shows_what_is_new(opened, 
     with page.expect_download() as saving:
         page.get_by_text("Save ActEV").click()
     assert json.loads(Path(saving.value.path()).read_text())["filesProcessed"] == ["gate.mp4"]
+    with page.expect_response("**/api/alerts"):
+        page.get_by_text("Tell me when it happens").click()
+    expect(page.locator("#alerts-list")).to_contain_text("a person enters the zone bay")
     # Somebody comes after the end, in the same run.
     (folder,) = running.served._folders
     late = track(30, walk((-3, 12), (3, 12), 6), begin_s=31.0)

@@ -109,7 +109,7 @@ def test_without_a_start_a_clip_is_compared_with_itself(tmp_path):
         search(scene, "a person stops where a vehicle was parked")
 
 
-def test_what_is_watched_does_not_remember(days):
+def test_what_is_watched_does_not_remember(days, tmp_path):
     calibration = Calibration.load(days.camera_file("gate"))
     with pytest.raises(InputError, match="not remembered while watching"):
-        StandingSearches((STOOD,), SearchOptions(), "gate", calibration)
+        StandingSearches((STOOD,), SearchOptions(), "gate", calibration, tmp_path)

@@ -16,7 +16,6 @@ from scene4d.core.errors import InputError
 from scene4d.tracking import _alerts as alerts
 from scene4d.tracking._alert_targets import target_of
 from scene4d.tracking._alerts import Alerts
-from scene4d.tracking.live import WatchOptions
 
 EVENT = {"id": "a1", "search": "person enters vehicle", "score": 0.8}
 
@@ -111,11 +110,6 @@ def test_impossible_targets_are_refused(said, message):
     with pytest.raises(InputError, match=message) as refused:
         target_of(said)
     assert "secret" not in str(refused.value)
-
-
-def test_alerts_need_a_search():
-    with pytest.raises(InputError, match="nothing is searched for"):
-        WatchOptions(alerts=["https://host/x"])
 
 
 class SmallBroker(socketserver.BaseRequestHandler):

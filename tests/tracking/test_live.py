@@ -29,6 +29,7 @@ from scene4d.core.errors import InputError, OutputError
 from scene4d.core.files import write_bytes
 from scene4d.formats.cameras import read_camera
 from scene4d.perception.objects import ObjectDetector
+from scene4d.searching.kept import keep_search
 from scene4d.store.query import Scene
 from scene4d.tracking import TrackOptions, watch_several
 from scene4d.tracking.live import watch
@@ -370,10 +371,13 @@ def test_what_was_published_outlives_kill_9(tmp_path):
 
 
 class Walkers:
-    """Two people and a parked car; the first person is gone after two seconds."""
+    """Two people and a parked car; the first person is gone after three seconds. At half a second
+    ``meanwhile`` is called.
+    """
 
     def __init__(self, perfect):
         self._perfect, self.timings = perfect, perfect.timings
+        self.meanwhile = lambda: None
 
     def expecting(self, _):
         return self
@@ -385,8 +389,11 @@ class Walkers:
         self._perfect.begin()
 
     def look(self, frame):
+        if frame.time_s >= 0.5:
+            self.meanwhile()
+            self.meanwhile = lambda: None
         found, colours = self._perfect.look(frame)
-        rows = np.arange(len(found)) if frame.time_s < 2 else np.arange(1, len(found))
+        rows = np.arange(len(found)) if frame.time_s < 3 else np.arange(1, len(found))
         return found.select(rows), colours[rows]
 
 
@@ -423,28 +430,45 @@ def hook():
 def walkers(detector, monkeypatch):
     made = Walkers(detector())
     monkeypatch.setattr(ObjectDetector, "default", lambda **_: made)
+    return made
 
 
-@pytest.mark.usefixtures("walkers")
-def test_an_event_is_told_soon_once_and_sent_with_a_picture(tmp_path, camera, hook):
-    """The webhook refuses at first, and one more alert goes to a command."""
+def test_an_event_is_told_soon_once_and_sent_with_a_picture(
+    tmp_path, camera, hook, walkers, caplog
+):
+    """The webhook refuses at first, and one more alert goes to a command. What is searched for was
+    kept in the scene while the camera was running, beside searches that are not of this camera.
+    """
     told: list[dict] = []
+    scene = tmp_path / "scene"
+
+    def keep():
+        there = {"points": [[-30, 0], [30, 0], [30, 60], [-30, 60]]}
+        zones = {"here": there | {"camera": "yard"}, "there": there | {"camera": "gate"}}
+        (scene / "zones.json").write_text(json.dumps({"zones": zones}))
+        for words in ("person disappears", "person in zone there"):
+            keep_search(scene, words, ("yard", "gate"))
+        kept = json.loads((scene / "standing.json").read_text())
+        kept["searches"] += ["colourless green ideas"]
+        (scene / "standing.json").write_text(json.dumps(kept))
+
+    keep_search(tmp_path, "person moves", ())  # whoever keeps a search elsewhere takes no time here
+    walkers.meanwhile = keep
     script = tmp_path / "took.py"
     script.write_text(
         f"import sys; open({str(tmp_path / 'took.json')!r}, 'a').write(sys.stdin.read())"
     )
     run = watch(
-        write_video(tmp_path / "yard.avi", seconds=5),
+        write_video(tmp_path / "yard.avi", seconds=6),
         camera,
         tmp_path / "scene",
-        searches=["person disappears"],
         min_score=0.2,
         alerts=[hook, f"exec:{sys.executable} {script}"],
         tell=told.append,
     )
     first = [event for event in told if event["state"] == "provisional"]
     assert len(first) == run.events == 1
-    assert first[0]["end_s"] == pytest.approx(2, abs=1)
+    assert first[0]["end_s"] == pytest.approx(3, abs=1)
     assert [event["state"] for event in told] == ["provisional", "final"]
     assert len({event["id"] for event in told}) == 1
     (alert,) = Hook.taken
@@ -460,3 +484,4 @@ def test_an_event_is_told_soon_once_and_sent_with_a_picture(tmp_path, camera, ho
     assert not list((tmp_path / "scene" / "alerts").rglob("*.json"))
     scene = Scene.open(tmp_path / "scene")
     assert alert["roles"]["person"] in scene.tracks().track
+    assert "'colourless green ideas' is not searched for" in caplog.text

@@ -77,6 +77,9 @@ class Api:
             ("/api/export", "POST", self._export),
             ("/api/places", "GET", self._places),
             ("/api/places", "PUT", self._save_places),
+            ("/api/alerts", "GET", self._alerts),
+            ("/api/alerts", "PUT", self._keep_alert),
+            ("/api/alerts", "DELETE", self._drop_alert),
             ("/api/live", "GET", self._live),
         ]
         app = Starlette(
@@ -138,9 +141,7 @@ class Api:
         self, request: Request, task: str, said: dict[str, Any], **more: str
     ) -> Any:
         """One at a time: two at once would take as long, and twice the memory."""
-        words = said.pop("words", None)
-        if not isinstance(words, str) or not 0 < len(words) <= _LONGEST_WORDS:
-            raise InputError(f"words: expected text of 1 to {_LONGEST_WORDS} characters")
+        words = _words(said)
         for name, value in said.items():
             if name not in _NUMBERS or type(value) not in _NUMBERS[name]:
                 raise InputError(f"{name}: expected words, and numbers: {', '.join(_NUMBERS)}")
@@ -168,6 +169,17 @@ class Api:
         said = await _body(request)
         await run_in_threadpool(self._served.save_places, said)
         return JSONResponse({"saved": True})
+
+    async def _alerts(self, request: Request) -> Response:
+        return JSONResponse({"searches": await run_in_threadpool(self._served.alerts)})
+
+    async def _keep_alert(self, request: Request) -> Response:
+        await run_in_threadpool(self._served.keep_alert, _words(await _body(request)))
+        return await self._alerts(request)
+
+    async def _drop_alert(self, request: Request) -> Response:
+        await run_in_threadpool(self._served.drop_alert, _words(await _body(request)))
+        return await self._alerts(request)
 
     async def _live(self, request: Request) -> Response:
         headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
@@ -203,6 +215,13 @@ def _news(served: Served, known: dict[str, int], told: dict[str, int]) -> list[t
             kept = ("run", "camera", "rows", "begin_s", "end_s")
             news.append(("run", json.dumps({key: run[key] for key in kept})))
     return news + [("alert", line) for line in served.told(told)]
+
+
+def _words(said: dict[str, Any]) -> str:
+    words = said.pop("words", None)
+    if not isinstance(words, str) or not 0 < len(words) <= _LONGEST_WORDS:
+        raise InputError(f"words: expected text of 1 to {_LONGEST_WORDS} characters")
+    return words
 
 
 async def _while_there(request: Request, work: Coroutine[Any, Any, Any]) -> Any:

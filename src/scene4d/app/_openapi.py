@@ -25,6 +25,9 @@ def description() -> dict[str, Any]:
         ("/api/export", "post", "These events as json, csv or actev.", "text/plain", []),
         ("/api/places", "get", "Zones and lines.", "application/json", []),
         ("/api/places", "put", "Save zones and lines.", "application/json", []),
+        ("/api/alerts", "get", "Searches that a watch makes too.", "application/json", []),
+        ("/api/alerts", "put", "Keep one more.", "application/json", []),
+        ("/api/alerts", "delete", "Keep one no longer.", "application/json", []),
         ("/api/live", "get", "Runs that grow, and alerts.", "text/event-stream", []),
     )
     paths: dict[str, Any] = {}
@@ -64,6 +67,7 @@ _SEARCH: dict[str, Any] = {
     "min_probability": {"type": "number", "minimum": 0, "maximum": 1},
     "top": {"type": "integer", "minimum": 1},
 }
+_WORDS = {"words": _SEARCH["words"]}
 _FORMAT = {"format": {"enum": ["json", "csv", "actev"]}}
 
 
@@ -75,6 +79,8 @@ def _object(properties: dict[str, Any], *required: str) -> dict[str, Any]:
 _BODIES: dict[tuple[str, str], Any] = {
     ("/api/search", "post"): _object(_SEARCH, "words"),
     ("/api/export", "post"): _object(_SEARCH | _FORMAT, "words", "format"),
+    ("/api/alerts", "put"): _object(_WORDS, "words"),
+    ("/api/alerts", "delete"): _object(_WORDS, "words"),
     ("/api/places", "put"): _object({"zones": _NAMED, "lines": _NAMED}),
 }
 _ERROR = {

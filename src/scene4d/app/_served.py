@@ -19,6 +19,7 @@ from scene4d.app._rows import rows_of
 from scene4d.core.errors import InputError
 from scene4d.core.files import write_bytes, write_json
 from scene4d.searching import read_places
+from scene4d.searching.kept import ZONES, drop_search, keep_search, kept_searches
 from scene4d.store.footage import NoFootage, footage_of
 from scene4d.video.reader import open_source
 
@@ -35,7 +36,7 @@ class Served:
 
     def __init__(self, folders: list[Path], footage: Path | None, zones: Path | None) -> None:
         self._folders, self._given = folders, footage
-        self._zones = folders[0] / "zones.json" if zones is None else zones
+        self._zones = folders[0] / ZONES if zones is None else zones
         self.ending = False
         self._lock = threading.Lock()
         self._encoding = threading.Lock()
@@ -175,6 +176,24 @@ class Served:
             except InputError as error:
                 raise InputError(str(error).replace(f"{probe}", "zones")) from None
         write_json(self._zones, said)
+
+    def alerts(self) -> list[str]:
+        """Searches that whoever watches these scenes looks for."""
+        return list(dict.fromkeys(one for folder in self._folders for one in kept_searches(folder)))
+
+    def keep_alert(self, words: str) -> None:
+        """Keep a search in the scenes; raises :class:`InputError` for what cannot stand there."""
+        with self._lock:
+            if self._opened.site is not None:
+                raise InputError("nobody watches a site; serve its scenes to keep a search there")
+            for folder in self._folders:
+                keep_search(folder, words, self._opened.cameras)
+
+    def drop_alert(self, words: str) -> None:
+        """Keep it no longer."""
+        with self._lock:
+            for folder in self._folders:
+                drop_search(folder, words)
 
     def told(self, from_bytes: dict[str, int]) -> list[str]:
         """What ``watch`` has told since, one JSON object each; ``from_bytes`` moves on."""

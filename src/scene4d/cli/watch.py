@@ -156,8 +156,6 @@ def watch(
     tracking = TrackOptions(
         rate_hz=rate, person_height_m=height_m, detector=detector, device=device
     )
-    if alert and not search:
-        raise typer.BadParameter("is for the events of --search", param_hint="--alert")
     options = WatchOptions(
         give_up_s=give_up,
         recalibrate=recalibrate,

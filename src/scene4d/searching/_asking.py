@@ -1,6 +1,6 @@
 """The query of a search: words and options, checked against a scene."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -122,8 +122,10 @@ def _everything(scene: Scene | Site, options: SearchOptions) -> list[Asked]:
     return asked
 
 
-def words_of(words: str, options: SearchOptions, cameras: Sequence[str]) -> tuple[Query, Places]:
-    """The words as understood, and the places that they name, of these cameras.
+def words_of(
+    words: str, options: SearchOptions, cameras: Collection[str] | None
+) -> tuple[Query, Places]:
+    """The words as understood, and the places that they name, of these cameras (None: of any).
 
     Raises :class:`InputError` for words, files and places that are not understood.
     """

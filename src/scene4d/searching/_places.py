@@ -88,8 +88,8 @@ def in_site(places: Places, kind: str, site: Site) -> dict[str, Float[np.ndarray
     return found
 
 
-def read_places(path: Path, cameras: Collection[str]) -> Places:
-    """The places of a file; ``cameras`` are those that it may speak of.
+def read_places(path: Path, cameras: Collection[str] | None) -> Places:
+    """The places of a file; ``cameras`` are those that it may speak of (None: any).
 
     Raises :class:`InputError`, naming file and place, for another structure, a zone that crosses
     itself, a line of one point, a name that is there twice, and an unknown camera.
@@ -144,12 +144,12 @@ def _camera(values: JsonObject) -> str | None:
     return values.text("camera") if "camera" in values else None
 
 
-def _check(place: Place, cameras: Collection[str]) -> None:
+def _check(place: Place, cameras: Collection[str] | None) -> None:
     if not place.name.strip() or len(place.name) > _LONGEST_NAME:
         raise InputError(
             f"{place.kind} {quoted(place.name)}: a name has 1 to {_LONGEST_NAME} characters"
         )
-    if place.camera is not None and place.camera not in cameras:
+    if place.camera is not None and cameras is not None and place.camera not in cameras:
         raise InputError(
             f"{place.kind} {place.name!r}: no camera {quoted(place.camera)}"
             f"{nearest(place.camera, cameras)}"

@@ -6,8 +6,10 @@ final score, or as withdrawn.
 """
 
 import hashlib
+import logging
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,18 +17,20 @@ import numpy as np
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
-from scene4d.searching._asking import SearchOptions, second_of_day, words_of
+from scene4d.searching._asking import SearchOptions, second_of_day
 from scene4d.searching._places import Places
 from scene4d.searching.activities._casting import is_symmetric
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities.search import judge
+from scene4d.searching.kept import STANDING, ZONES, kept_options, kept_searches, standing_query
 from scene4d.searching.language import Query
 from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.searching.predicates.stage import Stage
 from scene4d.searching.result import FoundEvent
 from scene4d.searching.stages import STEP_S, stage_of, thinned
-from scene4d.store.runs import Run
+from scene4d.store.runs import Run, complete_runs
 
+_LOG = logging.getLogger(__name__)
 WINDOW_S = 120.0
 """What was tracked in this time is searched; chosen by hand: longer than what activities last."""
 SETTLED_S = 1.5
@@ -61,10 +65,21 @@ class Told:
         return head | {"state": self.state} | self.found.to_dict()
 
 
-class StandingSearches:
-    """Several searches of one running camera; ``placed`` are those that name zones or lines.
+@dataclass(frozen=True, eq=False)
+class _Standing:
+    """A search that stands, the places that it names, and what was told of it."""
 
-    Raises :class:`InputError` for words, files and places that are not understood.
+    query: Query
+    places: Places
+    told: list[Told] = field(default_factory=list)
+
+
+class StandingSearches:
+    """Several searches of one running camera; ``placed`` are those that name zones or lines. Those
+    that are kept in the ``scene`` (:mod:`.kept`) come and go while it runs.
+
+    Raises :class:`InputError` for words, files and places that are not understood; of those in the
+    scene it is a warning.
     """
 
     def __init__(
@@ -73,40 +88,79 @@ class StandingSearches:
         options: SearchOptions,
         camera: str,
         calibration: Calibration,
+        scene: Path,
     ) -> None:
-        asked = [words_of(words, options, (camera,)) for words in searches]
-        self._queries = [query for query, _ in asked]
-        for query in self._queries:
-            if query.activity.spots:
-                raise InputError(
-                    f"{query.text!r}: where another one was is not remembered while watching; "
-                    "search the scene for it"
-                )
-        self.placed = [said for said, (_, there) in zip(searches, asked, strict=True) if there.all]
-        self._places = Places(tuple({p.name: p for _, ps in asked for p in ps.all}.values()))
+        self._given = [_Standing(*standing_query(said, options, (camera,))) for said in searches]
+        self.placed = [
+            said for said, one in zip(searches, self._given, strict=True) if one.places.all
+        ]
         self._options, self._camera, self._calibration = options, camera, calibration
-        self._told: list[list[Told]] = [[] for _ in searches]
+        self._scene = scene
+        self._kept: dict[str, _Standing] = {}
+        self._stamp: list[tuple[int, int] | None] = []
 
     def look(self, tracks: Tracks, run: Run, now_s: float, final_s: float) -> list[Told]:
         """What is new: ``tracks`` are those of about :data:`WINDOW_S`, with the scene's numbers,
         ``now_s`` is the time of the last frame, and up to ``final_s`` rows are final.
         """
-        if not len(tracks):
-            return []
-        rows, step_s = thinned(tracks, STEP_S)
-        stage = stage_of(
-            bridged(rows, step_s),
-            self._calibration,
-            step_s=step_s,
-            zones=self._places.of(self._camera, "zone"),
-            lines=self._places.of(self._camera, "line"),
-        )
         news: list[Told] = []
-        for query, told in zip(self._queries, self._told, strict=True):
-            events = self._events(stage, query, run)
-            news += _settle(query, told, events, now_s, final_s)
-            told[:] = [one for one in told if one.found.event.end_s > now_s - WINDOW_S - _LATE_S]
+        if not len(tracks):
+            return news
+        rows, step_s = thinned(tracks, STEP_S)
+        rows = bridged(rows, step_s)
+        for group in (self._given, [*self._kept.values()]):
+            if not group:
+                continue
+            places = Places(tuple({p.name: p for one in group for p in one.places.all}.values()))
+            stage = stage_of(
+                rows,
+                self._calibration,
+                step_s=step_s,
+                zones=places.of(self._camera, "zone"),
+                lines=places.of(self._camera, "line"),
+            )
+            for one in group:
+                events = self._events(stage, one.query, run)
+                news += _settle(one.query, one.told, events, now_s, final_s)
+                from_s = now_s - WINDOW_S - _LATE_S
+                one.told[:] = [told for told in one.told if told.found.event.end_s > from_s]
         return news
+
+    def stand(self) -> bool:
+        """Take what is kept in the scene now, and say whether anything is searched for."""
+        stamp = [_stamp_of(self._scene / name) for name in (STANDING, ZONES)]
+        if stamp != self._stamp:
+            self._stamp = stamp
+            self._take_kept()
+        return bool(self._given or self._kept)
+
+    def _take_kept(self) -> None:
+        """What was told of a search stays told."""
+        before, self._kept = self._kept, {}
+        given = {one.query.text for one in self._given}
+        try:
+            for said in kept_searches(self._scene):
+                one = self._understood(said)
+                if one is not None and one.query.text not in given:
+                    self._kept[said] = replace(
+                        one, told=before[said].told if said in before else []
+                    )
+        except InputError as error:
+            _LOG.warning("%s: %s", self._camera, error)
+
+    def _understood(self, words: str) -> _Standing | None:
+        """A search of the scene; None where it is not of this camera, or not understood."""
+        try:
+            options = kept_options(self._scene, self._options)
+            query, places = standing_query(words, options, None)
+        except InputError as error:
+            _LOG.warning("%s: %r is not searched for: %s", self._camera, words, error)
+            return None
+        cameras = {run.camera for run in complete_runs(self._scene)} | {self._camera}
+        whose = (self._camera,) if len(cameras) > 1 else (self._camera, None)
+        own = Places(tuple(place for place in places.all if place.camera in whose))
+        missing = {place.name for place in places.all} - {place.name for place in own.all}
+        return None if missing else _Standing(query, own)
 
     def _events(self, stage: Stage, query: Query, run: Run) -> list[FoundEvent]:
         classes = set(stage.tracks.class_name.tolist())
@@ -119,6 +173,15 @@ class StandingSearches:
             for one in events
             if window is None or window.contains(second_of_day(run, one.begin_s))
         ]
+
+
+def _stamp_of(path: Path) -> tuple[int, int] | None:
+    """Changes with the file; None where there is none."""
+    try:
+        about = path.stat()
+    except OSError:
+        return None
+    return about.st_mtime_ns, about.st_size
 
 
 def bridged(tracks: Tracks, step_s: float) -> Tracks:

@@ -65,7 +65,7 @@ class LiveEvents:
         if now_s >= self._next_s:
             before_s = self._timings.get("search", 0.0)
             self._search([*self._recent, provisional], now_s, self._final_s)
-            self._next_s = now_s + (self._timings["search"] - before_s) / _SHARE
+            self._next_s = now_s + (self._timings.get("search", 0.0) - before_s) / _SHARE
 
     def close(self) -> None:
         """Search for the last time: nothing more will come, so what has ended has ended."""
@@ -74,6 +74,8 @@ class LiveEvents:
             self._search(self._recent, end_s, end_s)
 
     def _search(self, parts: list[Tracks], now_s: float, final_s: float) -> None:
+        if not self._searches.stand():
+            return
         with timed(self._timings, "search"):
             tracks = self._window(parts)
             news = self._searches.look(tracks, self._writer.run, now_s, final_s)

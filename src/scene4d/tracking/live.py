@@ -18,7 +18,6 @@ from scene4d.tracking._running import (
     finish,
     run_name,
     shown_name,
-    unheard,
     write_live,
     writer_of,
 )
@@ -61,8 +60,6 @@ class WatchOptions:
         """Check the values; raises :class:`InputError`."""
         if self.give_up_s is not None and not self.give_up_s >= 0:
             raise InputError(f"give_up_s: found {self.give_up_s}, expected seconds, or None")
-        if self.alerts and not self.searches:
-            raise InputError("alerts: nothing is searched for; give words, as searches")
 
 
 @dataclass
@@ -177,7 +174,7 @@ class _Watching:
         live, run, options = self._live, job.run, self._options
         assert isinstance(run, WatchRun)
         asked = SearchOptions(options.min_score, catalogues=options.catalogues, zones=options.zones)
-        searches = StandingSearches(self._searches, asked, run.camera, job.calibration)
+        searches = StandingSearches(self._searches, asked, run.camera, job.calibration, run.scene)
         objects, view = detectors(job), View(live, job, live=True)
         if not run.cameras:
             live.start()  # what came while networks were loaded is old
@@ -192,7 +189,7 @@ class _Watching:
             )  # fmt: skip
             with job.progress.stage("Watching people and vehicles", None) as step:
                 looks = watched_live(self._frames(view, step), job, objects, view)
-                write_live(writer, looks, job, events.published if self._searches else unheard)
+                write_live(writer, looks, job, events.published)
             events.close()
         run.events += events.found
         run.not_in_view_s += view.away_s

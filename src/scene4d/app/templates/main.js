@@ -15,6 +15,7 @@ import { startPanel } from "./panel.js";
 import { startSearch } from "./search.js";
 import { readPlaces } from "./places.js";
 import { fetchRows, startLive } from "./live.js";
+import { startAlerts } from "./alerts.js";
 import { startKeys } from "./keys.js";
 
 const FUSED_STEP_S = 0.2; // as Site.tracks
@@ -117,6 +118,7 @@ function begin() {
   }
   if (world.data.site) world.runs.filter((one) => !one.loaded).forEach(loadMedia);
   startLive();
+  startAlerts();
   document.documentElement.dataset.ready = "true";
 }
 

@@ -2,6 +2,7 @@
 import { $, announce, download, element, on, run, set, state, tell, world } from "./state.js";
 import { clock, stopwatch } from "./look.js";
 import { seek } from "./clock.js";
+import { alertButton } from "./alerts.js";
 
 export function startSearch() {
   on("run searches", gather);
@@ -44,8 +45,9 @@ function searchList(one, number) {
     element("p", { class: "soft" }, one.verdict),
     ...one.notes.map((line) => element("p", { class: "soft small" }, line)),
     eventList(one.events.map((event) => spanned(event, one.words))),
-    element("div", { class: "row", hidden: !one.events.length },
-      ...["json", "csv", "actev"].map((form) => saveButton(one, form)),
+    element("div", { class: "row" },
+      ...(one.events.length ? ["json", "csv", "actev"] : []).map((form) => saveButton(one, form)),
+      alertButton(one.words),
     ),
     world.data.api ? null : element("p", { class: "soft small" }, "For NIST's ActEV scorer: ", element("code", {}, actevCommand(one.words))),
   );
