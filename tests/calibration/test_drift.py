@@ -11,7 +11,7 @@ from scene4d.calibration._body import Points, predict_heads
 from scene4d.calibration._drift import _SIGMA, Drift
 from scene4d.core.people import Segments
 
-SEEDS = range(30)
+SEEDS = range(20)
 PEOPLE, BAND = 300, 0.35
 
 

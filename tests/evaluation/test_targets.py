@@ -6,12 +6,11 @@ The full table is made by benchmarks/accuracy.py; here are its cases with fewer 
 from pathlib import Path
 
 import cv2
-import numpy as np
 import pytest
 
 import scene4d
+from references import assert_good
 from scene4d.calibration import CalibrateOptions
-from scene4d.core.calibration import Calibration
 from scene4d.core.orientation import Orientation
 from scene4d.evaluation import Reference, pets, towncentre
 from scene4d.video.reader import open_source
@@ -28,49 +27,16 @@ def street(shared_data: Path) -> Reference:
     return towncentre(shared_data / "towncentre")
 
 
-def assert_good(
-    found: Calibration, reference: Reference, error_m: float, *, undistorted: bool = False
-) -> None:
-    assert found, found.reason
-    assert found.camera is not None
-    true = reference.camera
-    assert reference.score(found.camera, undistorted=undistorted).mean_m <= error_m
-    assert found.camera.focal_px == pytest.approx(true.focal_px, rel=0.10)
-    # The stated spreads must be neither a lie nor useless.
-    off = {
-        "focal_px": found.camera.focal_px - true.focal_px,
-        "tilt_deg": np.degrees(found.camera.tilt_rad - true.tilt_rad),
-        "roll_deg": np.degrees(found.camera.roll_rad - true.roll_rad),
-        "height_m": found.camera.height_m - true.height_m,
-    }
-    for name, value in off.items():
-        assert abs(value) < 3.5 * found.sigma[name], (name, value, found.sigma)
-    assert found.sigma["focal_px"] < 0.12 * true.focal_px
-    assert found.ground_error_m is not None
-    assert 0.05 < found.ground_error_m["median"] < 1.2
-
-
 @pytest.mark.weights
-def test_pets_video_with_nothing_given(park: Reference, shared_data: Path):
-    found = scene4d.calibrate(shared_data / "pets2009" / "vtest.avi", CalibrateOptions(frames=24))
-    assert_good(found, park, 1.0)
-    assert found.frames == 24
-    assert found.people > 90
-
-
-@pytest.mark.weights
-@pytest.mark.parametrize("undistorted", [False, True])
-def test_two_frames_of_towncentre_with_nothing_given(
-    street: Reference, shared_data: Path, tmp_path: Path, undistorted: bool
+def test_two_undistorted_frames_of_towncentre_with_nothing_given(
+    street: Reference, shared_data: Path, tmp_path: Path
 ):
-    folder = shared_data / "towncentre" / "frames"
-    if undistorted:
-        straight = Undistorter(street.camera.lens)
-        with open_source(folder) as source:
-            for frame in source.frames():
-                cv2.imwrite(str(tmp_path / f"{frame.index}.png"), straight(frame.image_bgr))
-        folder = tmp_path
-    assert_good(scene4d.calibrate(folder), street, 0.7, undistorted=undistorted)
+    """As they are, tests/cli/test_cli_evaluate.py takes them."""
+    straight = Undistorter(street.camera.lens)
+    with open_source(shared_data / "towncentre" / "frames") as source:
+        for frame in source.frames():
+            cv2.imwrite(str(tmp_path / f"{frame.index}.png"), straight(frame.image_bgr))
+    assert_good(scene4d.calibrate(tmp_path), street, 0.7, undistorted=True)
 
 
 def test_the_papers_method_on_tracker_boxes(street: Reference, shared_data: Path):

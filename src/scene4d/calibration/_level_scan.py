@@ -265,12 +265,11 @@ def _candidates(uv: Float[np.ndarray, "n 2"], weight: Float[np.ndarray, "n"]) ->
     order = np.argsort(at, axis=1)
     share = np.cumsum(weight[order], axis=1) / weight.sum()
     wanted = (np.arange(_OFFSETS) + 0.5) / _OFFSETS
-    cuts = []
-    for one, index, row, so_far in zip(normal, order, at, share, strict=True):
-        k = np.unique(np.clip(np.searchsorted(so_far, wanted), 0, len(row) - 2))
-        between = (row[index[k]] + row[index[k + 1]]) / 2
-        cuts.append(np.column_stack([np.broadcast_to(one, (len(k), 2)), between]))
-    return np.concatenate(cuts)
+    k = np.minimum((share[:, :, None] < wanted).sum(axis=1), len(uv) - 2)
+    ranked = np.take_along_axis(at, order, axis=1)
+    left, right = (np.take_along_axis(ranked, i, axis=1) for i in (k, k + 1))
+    new = np.diff(k, axis=1, prepend=-1) > 0  # few people: several shares end at the same one
+    return np.column_stack([np.repeat(normal, new.sum(axis=1), axis=0), ((left + right) / 2)[new]])
 
 
 def thinned(problem: Problem, state: State) -> tuple[np.ndarray, Problem, State]:
