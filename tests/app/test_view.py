@@ -4,7 +4,6 @@ import base64
 import json
 import re
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -14,16 +13,14 @@ from playwright.sync_api import expect
 from app.pages import click, picture_at
 from finding_scenes import ENTERED_S, parked, people, write_scene
 from scene4d.app import ViewOptions, view
-from scene4d.app._contents import camera_of
 from scene4d.app._packing import packed
 from scene4d.app._page import MODULES, asset, script
-from scene4d.core.calibration import Calibration
-from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
+from scene4d.formats.scenes._geo import GeoAnchor
 from scene4d.searching import SearchOptions, search
 from scene4d.store.identities import Identities
 from scene4d.store.site import Site
-from scene4d.store.site_file import SiteFile
+from scene4d.store.site_file import SiteAnchor, SiteFile
 from scene4d.store.site_writing import write_site
 from site_worlds import CAMERA as CAMERA_OF_WORLDS
 from site_worlds import Eye, place, seen, store, strolls
@@ -149,101 +146,6 @@ def test_layers_tracks_and_keys(opened, written):
     assert "play or pause" in page.locator("#helping").inner_text()
 
 
-def a_camera(rng: np.random.Generator) -> Camera:
-    """Any camera that looks at a ground, with a lens of either model."""
-    fisheye = bool(rng.integers(2))
-    distortion = rng.uniform(-0.12, 0.12, 5) * (1, 0.3, 0.02, 0.02, 0.05)
-    return Camera.from_pose(
-        image_size=(1280, 720),
-        focal_px=rng.uniform(500, 1500),
-        tilt_rad=rng.uniform(0.1, 1.3),
-        roll_rad=rng.uniform(-0.3, 0.3),
-        height_m=rng.uniform(2, 20),
-        distortion=distortion[:4] if fisheye else distortion,
-        distortion_model="fisheye" if fisheye else "pinhole",
-    )
-
-
-def test_two_streams_through_one_place_are_two_arrows(browser):
-    """One goes east at 1 m/s, the other north-west at 2 m/s, and one stands."""
-    page = browser.new_page()
-    code = re.sub(r"^export |^import .*$", "", asset("look.js") + asset("flow.js"), flags=re.M)
-    velocities = [(1.0, 0.0), (-(2**0.5), 2**0.5), (0.05, 0.0)]
-    rows = {
-        "step": 100,
-        "starts": [0, 20, 40, 60],
-        "brief": [{"k": k} for k in range(3)],
-        "columns": {
-            "x_m": [10.5] * 60,
-            "y_m": [5.5] * 60,
-            "vx_mps": [vx for vx, _ in velocities for _ in range(20)],
-            "vy_mps": [vy for _, vy in velocities for _ in range(20)],
-        },
-    }
-    said = "(rows) => flowField(rows, [0, 0, 45, 45], () => true)"
-    found = page.evaluate(f"(rows) => {{ {code}; return ({said})(rows); }}", rows)
-    assert found["most"] == pytest.approx(1.0)  # 95 % of two streams: the slower
-    arrows = np.array([arrow for level in found["levels"] for arrow in level])
-    assert np.allclose(arrows[:, :2], (10.5, 5.5))
-    turns = sorted(np.degrees(np.arctan2(arrows[:, 3], arrows[:, 2])).tolist())
-    assert turns == [pytest.approx(0.0, abs=0.1), pytest.approx(135.0, abs=0.1)]
-    page.close()
-
-
-@pytest.fixture(scope="module")
-def in_browser(browser):
-    """Run a function of (Camera, said, values) with the page's own camera."""
-    page = browser.new_page()
-    code = re.sub(r"^export ", "", asset("camera.js"), flags=re.MULTILINE)
-
-    def answers(function: str, calibration: Calibration, values: list) -> list:
-        said = camera_of(calibration)
-        return page.evaluate(
-            f"([said, values]) => {{ {code}; const camera = new Camera(said); "
-            f"return values.map({function}); }}",
-            [said, values],
-        )
-
-    yield answers
-    page.close()
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_pages_camera_locates_and_projects_as_pythons(in_browser, seed):
-    rng = np.random.default_rng(seed)
-    for _ in range(10):
-        camera = a_camera(rng)
-        calibration = Calibration.of_camera(camera)
-        uv = rng.uniform(0, (1279, 719), (40, 2))
-        xy, valid = camera.locate(uv)
-        found = in_browser("(uv) => camera.locate(...uv)", calibration, uv.tolist())
-        assert [one is not None for one in found] == valid.tolist()
-        near = valid & (np.hypot(*np.nan_to_num(xy).T) < 300)
-        theirs = np.array([one for one, kept in zip(found, near, strict=True) if kept])
-        assert np.abs(theirs - xy[near]).max() < 1e-3  # a millimetre
-        back = in_browser("(xy) => camera.project(...xy)", calibration, xy[near].tolist())
-        assert np.abs(np.array(back, float) - uv[near]).max() < 1e-3
-
-
-def test_the_pages_error_of_a_length_is_that_of_the_covariance(in_browser):
-    rng = np.random.default_rng(5)
-    checked = 0
-    for _ in range(12):
-        root = np.diag([0.05, 0.02, 0.01, 0.04, 0.005, 0.02, 0.02]) @ np.tri(7)
-        calibration = replace(Calibration.of_camera(a_camera(rng)), covariance=root @ root.T)
-        uv = rng.uniform((0, 300), (1279, 719), (2, 2))
-        xy, jacobian, valid = calibration.ground_jacobian(uv)
-        if not valid.all() or np.hypot(*xy.T).max() > 150:
-            continue
-        along = (xy[0] - xy[1]) / np.hypot(*(xy[0] - xy[1]))
-        slope = along @ (jacobian[0] - jacobian[1])
-        sigma = np.sqrt(slope @ calibration.parameter_covariance @ slope)
-        said = "(uv) => camera.sigma(distanceBetween, uv).camera"
-        assert in_browser(said, calibration, [uv.tolist()]) == [pytest.approx(sigma, rel=1e-3)]
-        checked += 1
-    assert checked > 6
-
-
 def test_numbers_are_packed_within_the_error_that_is_stated():
     values = np.array([-3.2, np.nan, 17.25, 0.0])
     column = packed({"x": values})["x"]
@@ -305,7 +207,10 @@ def test_the_cameras_of_a_site_share_a_plan_and_a_clock(opened, tmp_path):
         rows += [(eye.name, number, who + 1, 1.0) for number, who in whose.items()]
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     identities = Identities(*columns)
-    write_site(tmp_path / "site", SiteFile(cameras), identities, refined={}, pictures={})
+    anchor = SiteAnchor("earth", (0.4, 0.5), 52.4, 179.99995)
+    write_site(
+        tmp_path / "site", SiteFile(cameras, anchor=anchor), identities, refined={}, pictures={}
+    )
     page = opened.page
     page.goto(view([tmp_path / "site"], tmp_path / "page.html").as_uri())
     box = page.locator("#timeline").bounding_box()
@@ -324,7 +229,20 @@ def test_the_cameras_of_a_site_share_a_plan_and_a_clock(opened, tmp_path):
     page.mouse.move(*picture_at(page, 120, 160, CAMERA_OF_WORLDS.image_size))
     tip = page.locator("#tip").inner_text()
     assert re.search(r"Seen by\n(west|east|west, east)\n", tip), tip
-    assert np.allclose(said["cameras"]["east"]["R"], Site.open(tmp_path / "site").camera("east").R)
+    camera = site.camera("east")
+    assert np.allclose(said["cameras"]["east"]["R"], camera.R)
+    # A click says where on the Earth that is: beyond 180 degrees east here.
+    page.keyboard.press("m")
+    x, y = picture_at(page, 640, 500, CAMERA_OF_WORLDS.image_size)
+    page.mouse.click(x, y)
+    (xy,), _ = camera.locate([(640, 500)])
+    lon, lat = GeoAnchor.at(52.4, 179.99995).to_lonlat(xy[None])[0]
+    told = page.locator("#marks .earth").inner_text()
+    found = re.search(r"([-\d.]+)°( ± [\d.]+ m)?, ([-\d.]+)°", told)
+    pixel = 0.4 * 9e-6  # the click is a whole pixel of the screen
+    assert float(found[1]) == pytest.approx(lat, abs=pixel)
+    assert float(found[3]) == pytest.approx(lon, abs=2 * pixel)
+    assert page.get_by_role("button", name="Copy").is_visible()
 
 
 def rows_shown(rows: dict) -> np.ndarray:

@@ -73,6 +73,7 @@ class Api:
             ("/api/fused", "GET", self._fused),
             ("/api/runs/{run:int}/video", "GET", self._video),
             ("/api/runs/{run:int}/view", "GET", self._view),
+            ("/api/runs/{run:int}/now", "GET", self._now),
             ("/api/search", "POST", self._search),
             ("/api/export", "POST", self._export),
             ("/api/places", "GET", self._places),
@@ -120,6 +121,10 @@ class Api:
         path = await run_in_threadpool(self._served.video, request.path_params["run"])
         kind = "video/webm" if path.suffix == ".webm" else "video/mp4"
         return FileResponse(path, media_type=kind)
+
+    async def _now(self, request: Request) -> Response:
+        path = await run_in_threadpool(self._served.now, request.path_params["run"])
+        return FileResponse(path, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
 
     async def _view(self, request: Request) -> Response:
         jpeg = await run_in_threadpool(self._served.view, request.path_params["run"])
@@ -192,11 +197,14 @@ class Api:
         served = self._served
         known = {run["run"]: run["rows"] for run in served.refresh()}
         told, quiet_s = await run_in_threadpool(served.told_so_far), 0.0
+        fleet = ""
         yield "retry: 2000\n\n"
         while not (served.ending or await request.is_disconnected()):
             news = []
             with suppress(Scene4DError, OSError):  # a scene that is being replaced: the next time
                 news = await run_in_threadpool(_news, served, known, told)
+                before, fleet = fleet, json.dumps(await run_in_threadpool(served.fleet))
+                news += [("fleet", fleet)] if fleet != before else []
             quiet_s = 0.0 if news else quiet_s + _LOOK_S
             if quiet_s >= _BEAT_S:
                 quiet_s = 0.0

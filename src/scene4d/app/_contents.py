@@ -18,6 +18,8 @@ from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.store.runs import Run, file_name
 
 VIEW_SCHEMA = "scene4d/view/1"
+_MOST_NAMED = 3
+"""Cameras that a title names."""
 _MOST_EVENTS = 500
 """Most events of one run in a page; more marks on its timeline cannot be told apart."""
 
@@ -149,7 +151,10 @@ def told_event(line: str) -> dict[str, Any] | None:
 
 def contents(folders: list[Path], opened: Opened, runs: list[dict[str, Any]]) -> dict[str, Any]:
     """The object that a page is made of."""
-    names = [*(folder.resolve().name for folder in folders), *opened.cameras]
+    cameras = opened.cameras
+    many = len(cameras) > _MOST_NAMED
+    names = [folder.resolve().name for folder in folders]
+    names += [f"{len(cameras)} cameras"] if many else cameras
     return {
         "schema": VIEW_SCHEMA,
         "version": version("scene4d"),
@@ -157,7 +162,11 @@ def contents(folders: list[Path], opened: Opened, runs: list[dict[str, Any]]) ->
         "site": opened.site is not None,
         "unplaced": opened.unplaced,
         "phrases": [next(iter(one.phrases), name) for name, one in load_catalogue().items()],
-        "cameras": {one.camera: camera_of(one.calibration) for one in opened.shown},
+        "cameras": {
+            one.camera: camera_of(one.calibration) | opened.placement(one.camera)
+            for one in opened.shown
+        },
+        "anchor": opened.anchor,
         "runs": runs,
     }
 

@@ -20,6 +20,7 @@ def description() -> dict[str, Any]:
         ("/api/runs/{run}/rows", "get", "Rows, packed.", "application/json", [run, since]),
         ("/api/runs/{run}/video", "get", "Footage, with ranges.", "video/mp4", [run]),
         ("/api/runs/{run}/view", "get", "The empty view.", "image/jpeg", [run]),
+        ("/api/runs/{run}/now", "get", "What it shows now, small.", "image/jpeg", [run]),
         ("/api/fused", "get", "A site's rows of everybody once.", "application/json", []),
         ("/api/search", "post", "Events that words ask for.", "application/json", []),
         ("/api/export", "post", "These events as json, csv or actev.", "text/plain", []),

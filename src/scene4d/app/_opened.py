@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
@@ -73,6 +74,24 @@ class Opened:
     def fused(self) -> Tracks | None:
         """Everybody of a site once, whichever of several cameras saw them; None for scenes."""
         return None if self.site is None else self.site.tracks()
+
+    @property
+    def anchor(self) -> dict[str, float] | None:
+        """Latitude and longitude (degrees) of the origin, where the frame is tied to the Earth."""
+        anchor = None if self.site is None else self.site.anchor
+        if anchor is None or anchor.latitude_deg is None or anchor.longitude_deg is None:
+            return None
+        return {"latitude_deg": anchor.latitude_deg, "longitude_deg": anchor.longitude_deg}
+
+    def placement(self, camera: str) -> dict[str, Any]:
+        """The place of a site's camera: its origin (m) and the covariance of x, y, heading and the
+        logarithm of the scale; nothing in a scene.
+        """
+        if self.site is None:
+            return {}
+        one = self.site.placements[camera]
+        covariance = one.covariance[:4, :4].tolist()
+        return {"placement": {"x_m": one.x_m, "y_m": one.y_m, "covariance": covariance}}
 
     @property
     def unplaced(self) -> dict[str, str]:

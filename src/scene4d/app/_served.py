@@ -12,6 +12,7 @@ from scene4d.app._contents import (
     told_event,
     watched_events,
 )
+from scene4d.app._fleet import fleet_of, picture_of
 from scene4d.app._footage import check_size, encoded, plays, view_of
 from scene4d.app._opened import Opened, Shown
 from scene4d.app._page import page_html
@@ -81,8 +82,24 @@ class Served:
             opened = self._opened
             numbered = [(n, self._shown.get(name)) for n, name in enumerate(self._names)]
         runs = [self._run(one) | {"number": n} for n, one in numbered if one is not None]
-        said = contents(self._folders, opened, runs)
+        said = contents(self._folders, opened, runs) | {"fleet": fleet_of(opened, self._folders)}
         return said | {"searches": [], "places": None, "fused": None}
+
+    def fleet(self) -> list[dict[str, Any]]:
+        """What each camera does now."""
+        with self._lock:
+            opened = self._opened
+        return fleet_of(opened, self._folders)
+
+    def now(self, number: int) -> Path:
+        """The newest small picture of a run's camera; raises :class:`LookupError`."""
+        shown = self._named(number)
+        with self._lock:
+            opened = self._opened
+        path = picture_of(opened, self._folders, shown.camera)
+        if path is None:
+            raise LookupError(f"camera {shown.camera} is not watched")
+        return path
 
     def _run(self, shown: Shown) -> dict[str, Any]:
         place = self._place(shown)

@@ -13,6 +13,7 @@ from scene4d.app._contents import (
     search_of,
     watched_events,
 )
+from scene4d.app._fleet import fleet_of
 from scene4d.app._footage import Footage, footage_for_page
 from scene4d.app._opened import Opened, Shown
 from scene4d.app._page import page_html
@@ -80,6 +81,7 @@ def view(
     fused = opened.fused()
     said |= {"searches": found, "places": _places(opened, options)}
     said |= {"fused": None if fused is None else rows_of(fused)}
+    said |= {"fleet": fleet_of(opened, folders)}
     write_bytes(out, page_html(said, media).encode())
     return Path(out)
 

@@ -23,6 +23,7 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.store.runs import camera_path, file_name
 from scene4d.tracking._options import Job
+from scene4d.tracking._pulse import Pulse
 from scene4d.tracking._running import calibrated
 from scene4d.video.background import calibrated_view
 from scene4d.video.frames import Frame, Source
@@ -46,20 +47,24 @@ class Known:
     camera: str | Path | Calibration | Camera
 
 
-def calibrated_again(live: LiveSource, job: Job, first: Known, stop: threading.Event) -> Job | None:
+def calibrated_again(
+    live: LiveSource, job: Job, first: Known, stop: threading.Event, pulse: Pulse
+) -> Job | None:
     """The job with the camera of the view that is seen now; None when the stream or ``stop`` ends
     it. Where the camera is refused the reason is told, and more people are watched.
     """
     frames = _FRAMES
     live.is_counting = False  # nobody is tracked meanwhile
+    pulse.say("calibrating")
     try:
         while True:
             earlier = [first, *_made(job.run.scene, first.name)]
-            spell = _Spell(live, earlier, stop)
+            spell = _Spell(live, earlier, stop, pulse)
             _LOG.warning("%s: %d s of people are watched to calibrate again", live.name, frames)
             found = _attempt(spell, job, _free(job.run.scene, first.name), frames)
-            if found is not None:
+            if isinstance(found, Known):
                 return _with(job, found)
+            pulse.say("refused", found)
             frames = min(2 * frames, _MOST_FRAMES)
     except _BackError as back:
         _LOG.warning("%s: the view of camera %s is back", live.name, back.known.name)
@@ -87,9 +92,11 @@ class _Spell(Source):
     timeline = None
     warnings = ()
 
-    def __init__(self, live: LiveSource, earlier: list[Known], stop: threading.Event) -> None:
+    def __init__(
+        self, live: LiveSource, earlier: list[Known], stop: threading.Event, pulse: Pulse
+    ) -> None:
         self.name, self.image_size, self.fps = live.name, live.image_size, 1 / _EVERY_S
-        self._live, self._stop = live, stop
+        self._live, self._stop, self._pulse = live, stop, pulse
         monitors = [(known, _monitor_of(known, live.image_size)) for known in earlier]
         self._earlier = [(known, found) for known, found in monitors if found is not None]
 
@@ -108,6 +115,7 @@ class _Spell(Source):
 
     def _next(self, from_s: float) -> Frame:
         while not self._live.ended and not self._stop.is_set():
+            self._pulse.beat()
             frame = self._live.take(_EVERY_S)
             if frame is not None and frame.time_s >= from_s:
                 return frame
@@ -125,8 +133,8 @@ def _monitor_of(known: Known, image_size: tuple[int, int]) -> MotionMonitor | No
     return monitor
 
 
-def _attempt(spell: _Spell, job: Job, to: tuple[str, Path], frames: int) -> Known | None:
-    """A new camera, written; or None, and the reason is told."""
+def _attempt(spell: _Spell, job: Job, to: tuple[str, Path], frames: int) -> Known | str:
+    """A new camera, written; or the reason why not, which is told."""
     options = CalibrateOptions(
         person_height_m=job.person_height_m, frames=frames, device=job.options.device
     )
@@ -137,7 +145,7 @@ def _attempt(spell: _Spell, job: Job, to: tuple[str, Path], frames: int) -> Know
         result, reason = None, str(error)
     if result is None or not result.calibration:
         _LOG.warning("%s: its new view cannot be calibrated: %s", spell.name, reason)
-        return None
+        return str(reason)
     name, file = to
     write(result, file.parent, progress=job.progress)
     _LOG.warning("%s: calibrated again; from here on it is camera %s", spell.name, name)

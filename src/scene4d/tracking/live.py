@@ -24,6 +24,7 @@ from scene4d.tracking._running import (
 
 if TYPE_CHECKING:
     from scene4d.tracking._alerts import Alerts
+    from scene4d.tracking._pulse import Pulse
     from scene4d.tracking._view import View
     from scene4d.video.frames import Frame
     from scene4d.video.live import LiveSource
@@ -115,6 +116,7 @@ def watch(
     name too; ``tracking`` has those of :func:`.track`. Raises as :func:`.track`.
     """
     from scene4d.tracking._alerts import Alerts
+    from scene4d.tracking._pulse import Pulse
     from scene4d.tracking._recalibrating import Known, calibrated_again
     from scene4d.video.live import LiveSource
 
@@ -129,11 +131,11 @@ def watch(
     run = WatchRun(Path(out), name, "")
     job = Job(calibration, described, background, tracking, run, progress or Silent())
     stop = stop or threading.Event()
-    with live, Alerts(options.alerts, run.scene, name) as alerts:
-        watching = _Watching(live, options, stop, alerts, tell)
+    with live, Alerts(options.alerts, run.scene, name) as alerts, Pulse(live, run.scene) as pulse:
+        watching = _Watching(live, options, stop, alerts, pulse, tell)
         while watching.until_it_moves(job):
             left_s = live.taken_s
-            again = calibrated_again(live, job, Known(name, camera), stop)
+            again = calibrated_again(live, job, Known(name, camera), stop, pulse)
             run.not_in_view_s += live.taken_s - left_s
             if again is None:
                 break
@@ -153,12 +155,14 @@ class _Watching:
         options: WatchOptions,
         stop: threading.Event,
         alerts: "Alerts",
+        pulse: "Pulse",
         tell: Teller,
     ) -> None:
         from scene4d.tracking._pictures import Pictures
 
         self._live, self._options, self._stop = live, options, stop
         self._alerts, self._tell, self._pictures = alerts, tell, Pictures()
+        self._pulse = pulse
         self._searches = list(options.searches)
 
     def until_it_moves(self, job: Job) -> bool:
@@ -183,6 +187,7 @@ class _Watching:
         began = job.options.start or live.began
         job = replace(job, options=replace(job.options, start=began))
         with writer_of(job, watch_settings(live, job), live=True) as writer:
+            self._pulse.begin(run.camera, run.run)
             events = LiveEvents(
                 searches, live, writer, run.scene, self._alerts, self._pictures, run.timings,
                 self._tell,
@@ -203,10 +208,13 @@ class _Watching:
         while not live.ended and not (self._options.recalibrate and view.is_settled):
             if self._stop.is_set():
                 live.stop()
+            self._pulse.beat()
             frame = live.take(_SECOND_S)
             if frame is not None and self._alerts:
                 self._pictures.add(frame)
             yield frame
+            if frame is not None:
+                self._pulse.show(frame, away=view.is_away)
             step(frame is not None)
 
     def _leave_out(self, placed: Sequence[str]) -> None:

@@ -51,6 +51,7 @@ class LiveSource(Source):
         self.fps, self.timeline = self._source.fps, None
         self.taken_s = 0.0  # time of the frame that was taken last
         self.offered = self.dropped = self.reconnected = 0
+        self.is_lost = False  # whether a stream broke off and is not back yet
         self.is_counting = True  # whether frames that nobody takes are missed
         self._notes: list[str] = []
         self._news = threading.Condition()
@@ -134,7 +135,9 @@ class LiveSource(Source):
                 with source:
                     self._play(source)
                     lives = isinstance(source, StreamSource) and not source.is_recording
+                self.is_lost = lives
                 source = self._again(source) if lives else None
+                self.is_lost = False
         except Exception as error:  # told to whoever takes
             self._error = error
         finally:

@@ -6,6 +6,7 @@ import { finishPlace } from "./places.js";
 import { toggleLayer } from "./panel.js";
 import { pictureView } from "./picture.js";
 import { planView } from "./plan.js";
+import { toggleFleet } from "./fleet.js";
 
 const FRAME_MS = 100;
 const KEYS = [
@@ -14,7 +15,7 @@ const KEYS = [
   ...TOOLS.map(([, title, key]) => [key.toUpperCase(), `tool: ${title.toLowerCase()}`]),
   ["Enter, Esc", "end or drop what is being drawn"],
   ...LAYERS.map(([, title, , key]) => [key.toUpperCase(), `layer: ${title.toLowerCase()}`]),
-  ["R", "both views whole again"], ["?", "this table"],
+  ["C", "all cameras"], ["R", "both views whole again"], ["?", "this table"],
 ];
 
 export function startKeys() {
@@ -45,7 +46,7 @@ function actionOf(event) {
     " ": toggle, ArrowLeft: () => step(-far), ArrowRight: () => step(far),
     n: () => toEvent(1), p: () => toEvent(-1), "+": () => faster(2), "-": () => faster(0.5),
     "?": () => $("helping").showModal(), Enter: finishPlace, Escape: drop,
-    r: () => [pictureView(), planView()].forEach((view) => view.reset()),
+    c: toggleFleet, r: () => [pictureView(), planView()].forEach((view) => view.reset()),
   }[event.key.length === 1 ? event.key.toLowerCase() : event.key];
 }
 

@@ -27,15 +27,25 @@ export function startLive() {
   on("places-changed", savePlaces);
   const source = new EventSource(`${world.data.api}/live`);
   source.addEventListener("run", (event) => grown(JSON.parse(event.data)));
+  source.addEventListener("fleet", (event) => {
+    world.data.fleet = JSON.parse(event.data);
+    tell("fleet");
+  });
   source.addEventListener("alert", (event) => alerted(JSON.parse(event.data)));
   source.onopen = () => ($("live").dataset.state = "connected");
   source.onerror = () => ($("live").dataset.state = "lost");
   $("live").hidden = false;
 }
 
+// Cameras of a site may have runs of one name.
+const isOf = (one, other) => one.run === other.run && one.camera === other.camera;
+
 async function grown(said) {
-  const now = world.runs.find((one) => one.said.run === said.run);
+  const now = world.runs.find((one) => isOf(one.said, said));
   if (!now) return begun(said);
+  now.grow(said);
+  tell("fleet");
+  if (!now.fetched) return;
   const live = state.ms >= now.end - 1500;
   const since = Math.max(0, now.rows.end / 1000 - OVERLAP_S);
   now.replaceRows(now.rows.merged(await fetchRows(now, since), 1000 * since));
@@ -51,7 +61,7 @@ async function begun(said) {
   const answer = await fetch(`${world.data.api}/scene`);
   if (!answer.ok) return;
   const { cameras, runs } = await answer.json();
-  for (const one of runs.filter((each) => !world.runs.some((known) => known.said.run === each.run))) {
+  for (const one of runs.filter((each) => !world.runs.some((known) => isOf(known.said, each)))) {
     addRun(one, cameras[one.camera]);
   }
   announce(`A new run of ${said.camera} has begun.`);

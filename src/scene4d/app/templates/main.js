@@ -3,12 +3,13 @@ import { $, draw, element, on, run, set, state, tell, world } from "./state.js";
 import { Camera } from "./camera.js";
 import { Run, Together } from "./run.js";
 import { Rows } from "./tracks.js";
-import { bytesOf } from "./packed.js";
 import { forgetColours } from "./look.js";
 import { startPicture } from "./picture.js";
 import { startPlan } from "./plan.js";
 import { startTimeline } from "./timeline.js";
-import { follow, startClock } from "./clock.js";
+import { startClock } from "./clock.js";
+import { loadVideo, loadView } from "./media.js";
+import { startFleet } from "./fleet.js";
 import { startTools } from "./tools.js";
 import { startTables } from "./tables.js";
 import { startPanel } from "./panel.js";
@@ -20,38 +21,10 @@ import { startKeys } from "./keys.js";
 
 const FUSED_STEP_S = 0.2; // as Site.tracks
 
-function loadMedia(now) {
-  const api = world.data.api;
-  const source = (kind, type) => {
-    if (api) return now.said[kind] ? `${api}/runs/${now.number}/${kind}` : null;
-    const holder = $(`${kind}-${now.number}`);
-    return holder ? URL.createObjectURL(new Blob([bytesOf(holder.textContent)], { type })) : null;
-  };
-  const view = source("view", "image/jpeg");
-  if (view) {
-    const image = new Image();
-    image.onload = () => {
-      now.view = image;
-      now.viewReady = true;
-      draw();
-    };
-    image.src = view;
-  }
-  const video = source("video", "video/mp4");
-  if (video) {
-    const player = element("video", { preload: "auto", playsinline: true });
-    player.muted = true;
-    player.src = video;
-    now.video = player;
-    player.addEventListener("error", () => (now.video = null));
-    follow(now);
-  }
-  now.loaded = true;
-}
-
 function showRun() {
   const now = run();
-  if (!now.loaded) loadMedia(now);
+  loadView(now);
+  loadVideo(now);
   $("run-choice").value = String(state.run);
   $("note").textContent = now.said.note || "";
   $("note").hidden = !now.said.note;
@@ -111,12 +84,13 @@ function begin() {
   startPanel();
   startSearch();
   startKeys();
+  startFleet();
   on("run", showRun);
   tell("run");
   for (const [name, reason] of Object.entries(world.data.unplaced)) {
     $("unplaced").append(element("li", {}, `${name} has no place in the site: ${reason}`));
   }
-  if (world.data.site) world.runs.filter((one) => !one.loaded).forEach(loadMedia);
+  if (world.data.site) world.runs.forEach(loadView);
   startLive();
   startAlerts();
   document.documentElement.dataset.ready = "true";

@@ -1,5 +1,5 @@
 // The panel: tabs, layers, what was measured, the places, and the camera.
-import { $, LAYERS, download, element, on, run, set, state, tell, world } from "./state.js";
+import { $, LAYERS, announce, download, element, on, run, set, state, tell, world } from "./state.js";
 import { TOOLS, judged } from "./tools.js";
 import { placeRow, placesJson } from "./places.js";
 import { calibrateCommand, forget, knownMarks, landmarksJson, orientationJson, tryCamera } from "./judge.js";
@@ -113,6 +113,7 @@ function markRow(mark) {
     element("span", { class: "soft" }, mark.points.length === 1 ? "from the camera" : "between two points"),
     element("span", { class: "soft" }, parts.join(", ")),
   );
+  for (const { earth } of mark.points.filter((point) => point.earth)) row.append(earthRow(earth));
   if (mark.points.length === 2 && mark.points.every((point) => point.uv)) {
     const input = element("input", {
       type: "number", min: "0.01", step: "0.01", value: mark.known, "aria-label": "True length in metres",
@@ -124,6 +125,22 @@ function markRow(mark) {
     row.append(element("label", { class: "known" }, "True length, if you know it ", input, " m"));
   }
   return row;
+}
+
+function earthRow({ text, copied }) {
+  return element("div", { class: "row earth" },
+    element("span", { class: "figure small" }, element("span", { class: "soft" }, "Latitude, longitude "), text),
+    element("button", { class: "quiet", "aria-label": `Copy ${copied}`, onclick: () => copy(copied) }, "Copy"),
+  );
+}
+
+async function copy(text) {
+  try {
+    await navigator.clipboard.writeText(text);
+    announce(`${text} is copied.`);
+  } catch {
+    announce("This browser does not let the page copy: select the numbers instead.");
+  }
 }
 
 function showKnown() {

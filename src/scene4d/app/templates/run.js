@@ -1,8 +1,10 @@
 // What moves on a ground: the rows of one run of a camera, or of all cameras of a site together.
-import { passes, state } from "./state.js";
+import { passes, state, world } from "./state.js";
 import { areaOf, heatMap } from "./scenery.js";
 import { flowField } from "./flow.js";
 import { Rows } from "./tracks.js";
+
+const RECENT_S = 60;
 
 class Moving {
   constructor() {
@@ -52,6 +54,7 @@ export class Run extends Moving {
     this.events = [];
     this.watched = said.watched || [];
     this.viewReady = false;
+    this.recent = [];
     this.areaVersion = 0;
     this.replaceRows(new Rows(said.data || { rows: 0, tracks: [] }, said.step_s));
     said.data = null;
@@ -68,6 +71,24 @@ export class Run extends Moving {
       this.photo = null;
     }
     this.footUv = null;
+  }
+
+  // What the server says of a run that grows; the last minute tells how many rows come.
+  grow({ rows, end_s }) {
+    this.recent.push([this.said.end_s, this.said.rows]);
+    while (this.recent.length > 1 && this.recent[0][0] < end_s - RECENT_S) this.recent.shift();
+    Object.assign(this.said, { rows, end_s });
+  }
+
+  // What was searched for or told of this run, on the page's clock.
+  happened() {
+    const found = world.searches.flatMap((one) => one.events.filter((event) => event.run === this.said.run && (!event.camera || event.camera === this.said.camera)));
+    return [...found, ...this.watched].map((event) => ({ begin: 1000 * (event.site_begin_s ?? event.begin_s + this.said.shift_s) }));
+  }
+
+  get rowsPerMinute() {
+    const [s, rows] = this.recent[0] || [this.said.begin_s, 0];
+    return (60 * (this.said.rows - rows)) / Math.max(1, this.said.end_s - s);
   }
 
   // Where every row's place on the ground is seen.

@@ -14,7 +14,7 @@ export const state = {
   hover: null, selected: null, cast: [], pointer: null,
   layers: Object.fromEntries(LAYERS.map(([name, , on]) => [name, on])),
   filter: { kind: "all", fastest: 0, path: 0, words: "", zone: "", lasting: 0 },
-  tried: null, span: null,
+  tried: null, span: null, fleet: false,
 };
 
 // `fused` is everybody of a site once; null for a scene.
@@ -32,10 +32,10 @@ export function tell(name) {
   if (name !== "draw") draw();
 }
 
-export function set(name, value) {
+export function set(name, value, told = name) {
   if (state[name] === value) return;
   state[name] = value;
-  tell(name);
+  tell(told);
 }
 
 let asked = false;

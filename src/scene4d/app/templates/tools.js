@@ -1,6 +1,7 @@
 // The mouse in the picture and on the plan: who is there, the ruler, and what is being drawn.
 import { $, announce, draw, element, on, run, set, state, tell, world } from "./state.js";
 import { distanceBetween, distanceFrom } from "./camera.js";
+import { lonLat, placeSigma } from "./geo.js";
 import { halo, label, metres, plusMinus } from "./look.js";
 import { pictureView, trackInPicture } from "./picture.js";
 import { onPlan, planPoint, planView, trackOnPlan } from "./plan.js";
@@ -104,6 +105,7 @@ export function aboutTrack(one) {
     row("± in the scene", metres(own)),
     row("± with the camera's error", metres(whole)),
     world.fused ? row("Seen by", seenBy(brief.track).join(", ") || "nobody now") : row("From the camera", metres(away, 1)),
+    ...earthOf(one.xy).map((text) => row("Latitude, longitude", text)),
     row("Speed", `${Math.hypot(...one.velocity).toFixed(1)} m/s`),
   );
   if (Number.isFinite(brief.height_m)) list.append(row("Height", plusMinus(brief.height_m, brief.height_sigma_m)));
@@ -112,6 +114,12 @@ export function aboutTrack(one) {
   list.append(row("Now", one.observed ? "seen" : "not seen, bridged"));
   return [element("strong", {}, `${brief.class} ${brief.track}`), list];
 }
+
+const earthOf = (xy) => {
+  if (!world.data.anchor || !Number.isFinite(xy[0])) return [];
+  const [lon, lat] = lonLat(world.data.anchor, xy);
+  return [`${lat.toFixed(6)}°, ${lon.toFixed(6)}°`];
+};
 
 // The cameras of a site that see somebody now.
 const seenBy = (track) => world.runs.filter((one) => one.there().some((other) => other.brief.track === track && other.observed)).map((one) => one.said.camera);
@@ -148,7 +156,18 @@ export function judged(mark) {
   const scale = pictureView().scale || 1;
   mark.sigma = seen ? camera.sigma(of, pixels, Math.max(0.5, 1 / scale)) : { camera: null, clicks: null, total: null };
   mark.text = plusMinus(mark.value, mark.sigma.total);
+  for (const point of mark.points) point.earth = onEarth(camera, point, Math.max(0.5, 1 / scale));
   announce(`${mark.points.length === 1 ? "From the camera" : "Length"}: ${mark.text}`);
+}
+
+// Where on the Earth a point is, in words and for other programs; null where that is not known.
+function onEarth(camera, point, clickPx) {
+  const { anchor } = world.data;
+  if (!anchor || !point.xy) return null;
+  const [lon, lat] = lonLat(anchor, point.xy);
+  const sigma = placeSigma(camera, point, clickPx);
+  const spread = (k) => (sigma ? ` ± ${sigma[k].toFixed(1)} m` : "");
+  return { text: `${lat.toFixed(7)}°${spread(1)}, ${lon.toFixed(7)}°${spread(0)}`, copied: `${lat.toFixed(7)}, ${lon.toFixed(7)}` };
 }
 
 export function marksInPicture(context, view, now) {

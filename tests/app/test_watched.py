@@ -1,0 +1,63 @@
+"""A real ``scene4d watch`` beside the server: what it sees comes into the page by itself."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+from playwright.sync_api import expect
+
+from app.test_serve import Running
+from finding_scenes import people, write_scene
+from scene4d.store.query import Scene
+from scene4d.store.status import Status
+from walks import CAMERA, write_video
+
+HERE = Path(__file__).parents[1]
+WATCH = """
+import sys
+sys.path[:0] = sys.argv[1:3]
+from conftest import Perfect
+import scene4d.perception.objects as objects, scene4d.calibration.watching as watching
+objects.ObjectDetector.default = lambda **_: Perfect()
+watching.fetch_weights = lambda *_, **__: None
+from scene4d.cli import main
+sys.argv = ["scene4d", "watch", *sys.argv[3:]]
+main()
+"""
+"""The command with a detector that knows the answer: two people and a car."""
+
+
+def test_a_camera_that_is_watched_comes_into_the_page_by_itself(opened, tmp_path):
+    scene = write_scene(tmp_path / "scene", people(), provenance={"rate_hz": 10})
+    CAMERA.save(tmp_path / "camera.json")
+    video = write_video(tmp_path / "yard.avi", seconds=6)
+    words = ["--camera", "camera.json", "--out", str(scene), "--name", "yard", "--search"]
+    served = Running(scene)
+    page = opened.page
+    page.goto(f"{served.url}/")
+    expect(page.locator("#live")).to_have_attribute("data-state", "connected")
+    assert page.locator("#fleet-toggle").is_hidden()  # one camera
+    places = [str(HERE / "tracking"), str(HERE), str(video), *words, "a person walks"]
+    with subprocess.Popen([sys.executable, "-c", WATCH, *places], cwd=tmp_path) as watching:
+        expect(page.locator("#run-choice option")).to_have_count(2)
+        page.keyboard.press("c")
+        tile = page.locator(".tile[data-camera=yard]")
+        expect(tile.locator(".state")).to_have_text("live")
+        assert page.locator(".tile[data-camera=gate] .state").inner_text() == "recording"
+        tile.focus()
+        page.keyboard.press("ArrowLeft")
+        page.keyboard.press("ArrowRight")
+        page.keyboard.press("Enter")
+        expect(page.locator("#tracks-count")).to_have_text("3 of 3 tracks")
+        early = float(page.locator("#timeline").get_attribute("aria-valuemax"))
+        assert watching.poll() is None, "they came while it was watched"
+        assert watching.wait(30) == 0
+    expect(page.locator(".event").first).to_contain_text("person")
+    page.keyboard.press("c")
+    expect(tile.locator(".state")).to_have_text("ended")
+    assert float(page.locator("#timeline").get_attribute("aria-valuemax")) > early
+    rows = next(run.rows for run in Scene.open(scene).runs if run.camera == "yard")
+    minutes = float(tile.locator(".rates, .soft").first.inner_text().split()[0].replace(",", ""))
+    assert minutes > 0.9 * rows
+    assert Status.load(scene, "yard").state == "ended"
+    served.close()
