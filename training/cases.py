@@ -145,9 +145,11 @@ def real_cameras(data: Path) -> Iterator[tuple[str, list[Case]]]:
     """PETS, TownCentre and MEVA's four: several frames of each where there are any."""
     truth = _truth(pets(data / "pets2009").camera)
     with open_source(data / "pets2009" / "vtest.avi") as video:
-        frames = [frame.image_bgr for frame in video.frames()]
-    picked = np.linspace(0, len(frames) - 1, PETS_FRAMES).astype(int)
-    yield "PETS View_001", [Case("pets", frames[n], truth) for n in picked]
+        picked = np.linspace(0, (video.frame_count or 1) - 1, PETS_FRAMES).astype(int)
+        yield (
+            "PETS View_001",
+            [Case("pets", frame.image_bgr, truth) for frame in video.frames(picked.tolist())],
+        )
     truth = _truth(towncentre(data / "towncentre").camera)
     paths = sorted((data / "towncentre" / "frames").iterdir())
     yield "TownCentre", [Case(path.stem, cv2.imread(str(path)), truth) for path in paths]

@@ -13,7 +13,7 @@ from training.cases import (
     turned,
     wooded_slopes,
 )
-from training.panoramas import read_panoramas
+from training.panoramas import Panorama, read_panoramas
 
 from scene4d.core.errors import InputError
 from scene4d.perception.orientation import OrientationNetwork, PoseReader, fused
@@ -32,9 +32,14 @@ def reader(network):
 
 
 @pytest.fixture(scope="module")
-def cases(shared_data) -> list[Case]:
-    """Two crops of every test panorama."""
-    return list(held_out(read_panoramas(shared_data / "panoramas", "test"), 77, each=3))
+def panoramas(shared_data) -> list[Panorama]:
+    return read_panoramas(shared_data / "panoramas", "test")
+
+
+@pytest.fixture(scope="module")
+def cases(panoramas) -> list[Case]:
+    """Three crops of every test panorama."""
+    return list(held_out(panoramas, 77, each=3))
 
 
 @pytest.fixture(scope="module")
@@ -77,9 +82,8 @@ def test_intervals_are_honest(beliefs, cases):
     assert (coverage(beliefs, cases) > 0.86).all()
 
 
-def test_steep_views_and_hillsides_are_honest(reader, shared_data):
+def test_steep_views_and_hillsides_are_honest(reader, panoramas):
     """Tilt 40 to 70°, and trees on a slope: what the training of the first network lacked."""
-    panoramas = read_panoramas(shared_data / "panoramas", "test")
     for shown, least in (
         (steep(panoramas, 77, each=1), 0.85),
         (wooded_slopes(panoramas, 77, each=6), 0.7),  # 87 % of the card's, in five places
@@ -99,7 +103,6 @@ def test_a_blurred_picture_is_not_taken_for_a_narrow_one(network, cases):
     assert -12 < np.degrees(np.median(found - [case.truth_rad[2] for case in soft])) < 4
 
 
-@pytest.mark.shared_data
 def test_real_cameras(reader, shared_data):
     errors, sigmas = [], []
     for _, several in real_cameras(shared_data):
@@ -112,14 +115,12 @@ def test_real_cameras(reader, shared_data):
     assert np.max(sigmas) < 4
 
 
-@pytest.mark.shared_data
-def test_hopeless_pictures_get_a_wide_answer(reader, shared_data):
+def test_hopeless_pictures_get_a_wide_answer(reader, panoramas):
     """Most of those that lie on their side too, as the card says: not every one."""
 
     def widths(picture):
         return np.degrees([np.ptp(reader.belief(picture).interval(axis)) for axis in (1, 2)])
 
-    panoramas = read_panoramas(shared_data / "panoramas", "test")
     for name, picture in hopeless(panoramas):
         tilt, vfov = widths(picture)
         assert tilt > 40 and vfov > 15, name
@@ -133,7 +134,6 @@ def test_a_blank_picture_says_nothing_at_all(reader):
         assert np.degrees(belief.sigma()[:2]) == pytest.approx([14.3, 26.7], rel=0.25)
 
 
-@pytest.mark.shared_data
 def test_a_mirrored_picture_has_the_opposite_roll(network, cases):
     for case in cases[::9]:
         one = network.belief(case.picture_bgr)
@@ -141,7 +141,6 @@ def test_a_mirrored_picture_has_the_opposite_roll(network, cases):
         np.testing.assert_allclose(one.p, other.p[::-1], atol=2e-4)
 
 
-@pytest.mark.shared_data
 def test_only_the_centred_crop_counts(network, cases):
     picture = cases[0].picture_bgr
     height, width = picture.shape[:2]
@@ -172,7 +171,6 @@ def test_a_huge_picture_is_read_like_a_small_one(network):
     np.testing.assert_allclose(network.belief(huge).mean(), network.belief(small).mean(), atol=0.05)
 
 
-@pytest.mark.shared_data
 def test_lines_of_a_still_camera_are_looked_for_in_a_few_frames(network, shared_data, monkeypatch):
     looked = []
     read = network_module.line_log_likelihood
