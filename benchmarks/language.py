@@ -54,12 +54,14 @@ class Phrasing:
 
     text: str
     expected: str
+    zones: tuple[str, ...] = ZONES
+    lines: tuple[str, ...] = LINES
 
     def score(self) -> tuple[str, str]:
         """Right, refused or wrong, and what was made of it."""
         alternatives = [one.strip() for one in self.expected.split(" | ")]
         try:
-            query = parse_query(self.text, _catalogue(), ZONES, LINES)
+            query = parse_query(self.text, _catalogue(), self.zones, self.lines)
         except InputError as error:
             reasons = [one[1:].split("/") for one in alternatives if one.startswith("!")]
             said = str(error).removeprefix(f'search "{self.text}"')
@@ -75,14 +77,22 @@ def _catalogue() -> Mapping[str, Activity]:
 
 
 def phrasings(held_out: bool) -> list[Phrasing]:
-    """Those of the file, or those held out."""
-    lines = Path(__file__).with_suffix(".txt").read_text("utf-8").splitlines()
-    all_ = [line.split(" => ") for line in lines if " => " in line and line[0] != "#"]
-    return [
-        Phrasing(text, expected)
-        for number, (text, expected) in enumerate(all_, 1)
-        if (number % HELD_OUT == 0) == held_out
-    ]
+    """Those of the first file, or those of it that are held out."""
+    all_ = _read("language.txt")
+    return [one for number, one in enumerate(all_, 1) if (number % HELD_OUT == 0) == held_out]
+
+
+def analysts() -> list[Phrasing]:
+    """Those of the second file, all of them held out."""
+    return _read("language_analysts.txt")
+
+
+def _read(name: str) -> list[Phrasing]:
+    text = Path(__file__).with_name(name).read_text("utf-8")
+    named = dict(re.findall(r"^# (zones|lines): (.*)$", text, re.MULTILINE))
+    places = {kind: tuple(names.split(", ")) for kind, names in named.items()}
+    pairs = [line.split(" => ") for line in text.splitlines() if " => " in line and line[0] != "#"]
+    return [Phrasing(said, expected, **places) for said, expected in pairs]
 
 
 def _lines(query: Query) -> str:
@@ -279,10 +289,10 @@ def _called(term: Term, names: Mapping[str, str], places: Mapping[str, str]) -> 
     return replace(term, roles=tuple(names[role] for role in term.roles), parameters=given)
 
 
-def tally(held_out: bool) -> dict[str, list[tuple[Phrasing, str]]]:
+def tally(those: Sequence[Phrasing]) -> dict[str, list[tuple[Phrasing, str]]]:
     """The phrasings by how they were read, with what was made of them."""
     found: dict[str, list[tuple[Phrasing, str]]] = {RIGHT: [], REFUSED: [], WRONG: []}
-    for one in phrasings(held_out):
+    for one in those:
         how, said = one.score()
         found[how].append((one, said))
     return found
@@ -303,9 +313,10 @@ def main() -> None:
     parser.add_argument("--held-out", action="store_true", help="also those held out")
     parser.add_argument("--all", action="store_true", help="print what is not right")
     arguments = parser.parse_args()
-    _print("written for", tally(False), arguments.all)
+    _print("written for", tally(phrasings(False)), arguments.all)
     if arguments.held_out:
-        _print("held out", tally(True), False)
+        _print("held out", tally(phrasings(True)), False)
+        _print("of analysts", tally(analysts()), arguments.all)
 
 
 if __name__ == "__main__":
