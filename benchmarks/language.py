@@ -96,7 +96,7 @@ def _read(name: str) -> list[Phrasing]:
 
 
 def _lines(query: Query) -> str:
-    phases = query.activity.phases
+    phases = [phase for one in query.activity.options for phase in one.phases]
     said = [
         f"{' & '.join(_term_text(t) for t in p.terms)} {p.min_s:g}..{p.max_s:g} <={p.gap_s:g}"
         for p in phases
@@ -121,7 +121,9 @@ def _is(query: Query, expected: str) -> bool:
     expected, _, spot = expected.partition(" where ")
     if len(query.activity.spots) != bool(spot) or (spot and not _is_spot(query, spot)):
         return False
-    return _is_activity(query.activity, expected)
+    expected = re.sub(r"empty\((\w+), ", r"inside(\1!, ", expected)
+    several, parts = query.activity.options, expected.split(" or ")
+    return len(several) == len(parts) and all(map(_is_activity, several, parts))
 
 
 def _is_spot(query: Query, expected: str) -> bool:
@@ -164,8 +166,8 @@ def _is_activity(activity: Activity, expected: str) -> bool:
 
 
 def _plays(role: Role, name: str) -> bool:
-    noun, sign, count = re.fullmatch(r"([^*=]+)([*=]?)(\d*)", name).groups()  # type: ignore[union-attr]
-    if (role.count, role.exactly) != (int(count or 1), sign == "="):
+    noun, sign, count = re.fullmatch(r"([^*=!]+)([*=!]?)(\d*)", name).groups()  # type: ignore[union-attr]
+    if (role.count, role.exactly, role.absent) != (int(count or 1), sign == "=", sign == "!"):
         return False
     classes = set(role.classes)
     kinds = re.sub(r"\d", "", noun).split("+")
@@ -245,9 +247,9 @@ def _phases(part: str) -> Iterator[_Wanted]:
 
 def _term(text: str) -> Term:
     """A term; roles such as person*3 are no names of the catalogue's own."""
-    found = re.findall(r"(?<=[(,])\s*([a-z]+\d*(?:[*+][a-z\d]+|=\d+))", text)
-    term = parse_term(re.sub(r"[*+]\w+|(?<=person)=\d+", "", text), PREDICATES)
-    whole = {re.sub(r"[*+=].*", "", name): name for name in found}
+    found = re.findall(r"(?<=[(,])\s*([a-z]+\d*(?:[*+][a-z\d]+|=\d+|!))", text)
+    term = parse_term(re.sub(r"[*+]\w+|(?<=person)=\d+|!", "", text), PREDICATES)
+    whole = {re.sub(r"[*+=!].*", "", name): name for name in found}
     return replace(term, roles=tuple(whole.get(role, role) for role in term.roles))
 
 

@@ -90,8 +90,11 @@ def write_scene(
     run: str = "morning",
     start: datetime | None = None,
     provenance: dict | None = None,
+    watched_s: tuple[float, ...] = (),
 ) -> Path:
-    """A run of these tracks; added to the scene if there is one."""
+    """A run of these tracks; added to the scene if there is one. ``watched_s`` are moments that
+    were looked at, where that is known.
+    """
     rows = Tracks.concatenate(tracks)
     rows = rows.select(np.lexsort([rows.track, rows.time_s]))
     with SceneWriter(
@@ -103,6 +106,8 @@ def write_scene(
         provenance={} if provenance is None else provenance,
     ) as writer:
         writer.write(rows)
+        moments = np.array(watched_s)
+        writer.watched(moments, np.rint(moments * FPS).astype(int), gap_s=2.0)
     return folder
 
 

@@ -647,3 +647,36 @@ def test_rows_need_no_order_in_the_files(tmp_path):
     folder = scenes.write_scene(tmp_path / "scene", [shuffled])
     lean, _ = lean_tracks(Scene.open(folder), 0.2)
     assert (np.lexsort([lean.time_s, lean.track]) == np.arange(len(lean))).all()
+
+
+def test_nobody_is_searched_for_only_while_the_camera_was_watched(gate, tmp_path):
+    places = tmp_path / "places.json"
+    places.write_text(json.dumps({"zones": {"lane": [[-3, 7], [3, 7], [3, 10], [-3, 10]]}}))
+    words = "nobody is in zone lane for 1 second"
+    with pytest.raises(InputError, match="when its camera was watched"):
+        asked(gate, words, zones=places)
+    # Somebody passes from 2 to 6 s; from 10 to 20 s nothing was looked at.
+    watched = (*np.arange(0, 10.05, 0.1), *np.arange(20, 30.05, 0.1))
+    folder = scenes.write_scene(
+        tmp_path / "scene", [scenes.people()[1]], start=START, watched_s=watched
+    )
+    scenes.write_scene(tmp_path / "scene", [scenes.parked()], run="old", start=START)
+    scene = Scene.open(folder)
+    assert [run.watched is None for run in scene.runs] == [False, True]
+    done = search(scene, words, zones=places)
+    found = sorted((e.event.begin_s, e.event.end_s) for e in done.events)
+    assert found == [
+        pytest.approx((0.0, 2.0), abs=0.7),
+        pytest.approx((6.0, 10.0), abs=0.7),
+        pytest.approx((20.0, 30.0), abs=0.3),
+    ]
+    assert any("1 of 2 clips are left out" in note for note in done.asked.notes)
+    late = next(e.to_dict() for e in done.events if e.event.begin_s > 15)
+    assert (late["roles"], late["begin_frame"], late["probability"]) == ({}, 200, None)
+    assert "nobody" in done.to_pandas().columns
+    evening = search(scene, f"{words} after 8:00:25", zones=places)
+    assert [e.event.begin_s for e in evening.events] == [pytest.approx(25.0, abs=0.3)]
+    both = search(scene, "a person walks or a vehicle stops", zones=places)
+    assert {e.event.activity for e in both.events} == {"a person walks"}
+    done.save(tmp_path / "page")
+    assert "of whom there is none" in (tmp_path / "page" / "search.html").read_text()

@@ -81,7 +81,11 @@ def _rate_hz(run: Run) -> float:
 
 
 def _lost(run: Run) -> list[list[float]]:
-    """Spans (s) between the parts of a run in which nothing was recorded."""
+    """Spans (s) of a run in which nothing was recorded: as its manifest
+    says, else between its parts.
+    """
+    if run.watched is not None:
+        return [[before[1], after[0]] for before, after in pairwise(run.watched)]
     spans = sorted((part.begin_s, part.end_s) for part in run.parts)
     longest = max(2.0, 4 / _rate_hz(run))
     return [

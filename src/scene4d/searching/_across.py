@@ -106,7 +106,7 @@ def _search_stretch(result: SearchResult, stretch: _Stretch) -> None:
     judged = judge(stretch.stage, activity, min_score=min(asked.least_score, 1.0))
     result.candidates += judged.casts
     for event in judged.events:
-        if event.score < asked.least_score:
+        if not asked.wants(event):
             continue
         found = _seen_best(event, stretch, asked)
         if found is not None:

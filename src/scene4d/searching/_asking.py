@@ -4,9 +4,13 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import numpy as np
+from jaxtyping import Float
+
 from scene4d.core.errors import InputError
 from scene4d.core.text import nearest
 from scene4d.searching._places import Places, in_cameras, read_places
+from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._terms import places_of
 from scene4d.searching.activities.calibrated import calibration_of
 from scene4d.searching.activities.catalogue import load_catalogue
@@ -72,9 +76,17 @@ class Asked:
     @property
     def least_score(self) -> float:
         """The lowest score of an event that is asked for: at least :data:`LEAST_SCORE`."""
-        least = max(self.options.min_score, LEAST_SCORE)
-        known, wanted = calibration_of(self.query.activity), self.options.min_probability
-        return least if wanted is None or known is None else max(least, known.least_score(wanted))
+        least, wanted = max(self.options.min_score, LEAST_SCORE), self.options.min_probability
+        known = [calibration_of(one) for one in self.query.activity.options]
+        if wanted is None:
+            return least
+        return max(least, min(one.least_score(wanted) for one in known if one is not None))
+
+    def wants(self, event: Event) -> bool:
+        """Whether an event scores enough, and is probable enough."""
+        wanted = self.options.min_probability
+        sure = wanted is None or (event.probability or 0.0) >= wanted - 1e-9
+        return sure and event.score >= self.least_score
 
 
 def understand(scene: Scene | Site, words: str, options: SearchOptions) -> Asked:
@@ -86,8 +98,7 @@ def understand(scene: Scene | Site, words: str, options: SearchOptions) -> Asked
     site = scene if isinstance(scene, Site) else None
     scene = scene.whole()[0] if isinstance(scene, Site) else scene
     query, named = words_of(words, options, scene.cameras)
-    _check_roles(scene, query)
-    notes = [*query.notes]
+    notes = [*query.notes, *_check_roles(scene, query), *_check_watched(scene, site, query)]
     if named.shared and len(scene.cameras) > 1 and site is None:
         notes.append(
             f"{', '.join(map(repr, named.shared))}: used in the ground coordinates of each of "
@@ -132,7 +143,8 @@ def words_of(
     places = Places() if options.zones is None else read_places(Path(options.zones), cameras)
     catalogue = load_catalogue(*map(Path, options.catalogues))
     query = parse_query(words, catalogue, zones=places.names("zone"), lines=places.names("line"))
-    if options.min_probability is not None and calibration_of(query.activity) is None:
+    known = [calibration_of(one) for one in query.activity.options]
+    if options.min_probability is not None and None in known:
         raise InputError(
             f"min_probability: the scores of {query.text!r} are not calibrated, only those of some "
             "activities of the catalogue as they stand there; min_score limits the score"
@@ -141,16 +153,49 @@ def words_of(
     return query, Places(tuple(place for place in places.all if place.name in used))
 
 
-def _check_roles(scene: Scene, query: Query) -> None:
-    there = scene.classes
-    spots = [role for spot in query.activity.spots for role in spot.activity.roles]
-    for role in (*query.activity.roles, *spots):
-        if not set(role.classes) & set(there):
-            rows = ", ".join(f"{name} ({count:,} rows)" for name, count in there.items())
-            raise InputError(
-                f"the scene has no {' or '.join(role.classes)}: nobody can be the {role.name!r} of "
-                f"{query.text!r}; there: {rows}"
-            )
+def _check_roles(scene: Scene, query: Query) -> list[str]:
+    """A note on each alternative that nobody here can do; raises where that are all."""
+    activity, notes = query.activity, []
+    spots = [role for spot in activity.spots for role in spot.activity.roles]
+    for one in activity.options:
+        for role in (*one.roles, *spots):
+            if not (role.absent or set(role.classes) & set(scene.classes)):
+                rows = ", ".join(
+                    f"{name} ({count:,} rows)" for name, count in scene.classes.items()
+                )
+                notes.append(
+                    f"the scene has no {' or '.join(role.classes)}: nobody can be the "
+                    f"{role.name!r} of {one.name!r}; there: {rows}"
+                )
+    if not activity.playable_by(scene.classes) or (spots and notes):
+        raise InputError(notes[0])
+    return notes
+
+
+def _check_watched(scene: Scene, site: Site | None, query: Query) -> list[str]:
+    """Notes on where nobody can be looked for; raises where it can be in no clip."""
+    if not any(one.is_of_nobody for one in query.activity.options):
+        return []
+    if site is not None:
+        raise InputError(
+            f"{query.text!r}: that nobody is there is searched for in the scene of one camera, not "
+            "in a site"
+        )
+    runs = scene.runs
+    unknown = [run for run in runs if run.watched is None]
+    if len(unknown) == len(runs):
+        raise InputError(
+            f"{query.text!r}: no clip says when its camera was watched, and where there are no "
+            "rows there may be no footage: track it again (annotations do not tell it)"
+        )
+    notes = [
+        "that nobody is there has a score and no probability: who was never tracked is not counted"
+    ]
+    if unknown:
+        notes.append(
+            f"{len(unknown)} of {len(runs)} clips are left out: when they were watched is not known"
+        )
+    return notes
 
 
 def _used(query: Query, places: Places) -> set[str]:
@@ -210,12 +255,31 @@ def reaches(run: Run, window: Window | None) -> bool:
     """Whether an event of the run can begin in the window."""
     if window is None:
         return True
-    if not run.start_known or not run.parts:
+    spans = [run.span_s] if run.span_s else []
+    spans += [(begin_s, end_s) for begin_s, end_s, *_ in run.watched or ()]
+    if not run.start_known or not spans:
         return False
-    begin_s = min(part.begin_s for part in run.parts)
-    length_s = max(part.end_s for part in run.parts) - begin_s
+    begin_s = min(begin_s for begin_s, _ in spans)
+    length_s = max(end_s for _, end_s in spans) - begin_s
     first = second_of_day(run, begin_s)
     return window.contains(first) or (window.begin_s - first) % _DAY_S <= length_s
+
+
+def within_window(
+    spans: Float[np.ndarray, "s 4"], run: Run, window: Window
+) -> Float[np.ndarray, "k 4"]:
+    """Spans of time (begin, end, and their frames), cut to a time of day."""
+    found = []
+    for begin, end, first, last in spans.tolist():
+        start = begin - second_of_day(run, begin) - _DAY_S
+        length_s = (window.end_s - window.begin_s) % _DAY_S or _DAY_S
+        for day in np.arange(start, end, _DAY_S):
+            a = max(begin, float(day) + window.begin_s)
+            b = min(end, float(day) + window.begin_s + length_s)
+            if a < b:
+                frames = np.interp([a, b], [begin, end], [first, last])
+                found.append([a, b, *frames])
+    return np.array(found, float).reshape(-1, 4)
 
 
 def second_of_day(run: Run, time_s: float) -> float:

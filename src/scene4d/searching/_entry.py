@@ -1,24 +1,31 @@
 """``search``: every event that words ask for, in all runs of a scene, best first."""
 
 import os
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.progress import Progress, Silent, timed
 from scene4d.core.tracks import Tracks
 from scene4d.searching._across import answer_site
-from scene4d.searching._asking import Asked, SearchOptions, reaches, second_of_day, understand
+from scene4d.searching._asking import (
+    Asked,
+    SearchOptions,
+    reaches,
+    second_of_day,
+    understand,
+    within_window,
+)
 from scene4d.searching._places import Places
 from scene4d.searching._spots import Memory
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._terms import places_of
 from scene4d.searching.activities.course import course_of
-from scene4d.searching.activities.definition import Activity
 from scene4d.searching.activities.search import judge
 from scene4d.searching.language import Window
 from scene4d.searching.predicates._registry import PREDICATES
@@ -144,20 +151,36 @@ def explained(result: SearchResult) -> None:
 
 def _runs(asked: Asked) -> list[Run]:
     """Those that can hold an event."""
-    runs = [run for run in asked.scene.runs if run.rows]
+    activity = asked.query.activity
+    of_nobody = any(one.is_of_nobody for one in activity.options)
+    runs = [
+        run
+        for run in asked.scene.runs
+        if (run.rows or of_nobody) and (run.watched is not None or not of_nobody)
+    ]
     names = [run.run for run in runs]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise InputError(f"run {twice!r} is in two of the scenes; search them apart")
-    activity = asked.query.activity
     seeing = _seeing(asked)
     return [
         run
         for run in runs
         if run.camera in seeing
-        and _playable(activity, run.classes)
+        and activity.playable_by(run.classes)
         and reaches(run, asked.query.window)
     ]
+
+
+def _watched_all(asked: Asked, run: Run) -> Float[np.ndarray, "s 4"] | None:
+    """When the camera was watched, within the time of day that is asked for; None where it is not
+    known.
+    """
+    if run.watched is None:
+        return None
+    spans = np.array(run.watched)
+    window = asked.query.window
+    return spans if window is None else within_window(spans, run, window)
 
 
 def _seeing(asked: Asked) -> list[str]:
@@ -173,11 +196,6 @@ def _seeing(asked: Asked) -> list[str]:
         places = ", ".join(sorted(set().union(*wanted.values())))
         raise InputError(f"{asked.query.text!r}: no one camera sees all of {places}")
     return seeing
-
-
-def _playable(activity: Activity, classes: Collection[str]) -> bool:
-    """Whether there is somebody for every role."""
-    return all(set(role.classes) & set(classes) for role in activity.roles)
 
 
 def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Stage:
@@ -201,6 +219,7 @@ def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Stage:
         zones=places.of(run.camera, "zone"),
         lines=places.of(run.camera, "line"),
         everybody="annotations" not in run.provenance,
+        watched=_watched_all(asked, run),
     )
     if not stage.everybody:
         from scene4d.searching.activities.identity import unite_tracks  # SciPy's graphs load slowly
@@ -230,7 +249,7 @@ def _search_run(result: SearchResult, stage: Stage, run: Run) -> None:
     result.runs.append(run)
     result.rows += len(stage.tracks)
     judged = judge(stage, asked.query.activity, min_score=min(asked.least_score, 1.0))
-    found = [event for event in judged.events if event.score >= asked.least_score]
+    found = [event for event in judged.events if asked.wants(event)]
     events = _in_window(asked.query.window, run, found)
     if not events:
         result.candidates += judged.casts

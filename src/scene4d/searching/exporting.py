@@ -64,7 +64,10 @@ def _actev(results: Sequence[SearchResult]) -> str:
     names = actev_files([run for run in runs if any(reaches(run, window) for window in windows)])
     instances = [
         ActevInstance(
-            next(iter(one.asked.query.activity.labels), found.event.activity),
+            next(
+                iter(one.asked.query.activity.option(found.event.activity).labels),
+                found.event.activity,
+            ),
             names[found.run.run],
             found.begin_frame,
             found.end_frame,

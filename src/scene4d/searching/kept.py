@@ -77,4 +77,8 @@ def standing_query(
             f"{query.text!r}: where another one was is not remembered while watching; "
             "search the scene for it"
         )
+    if any(one.is_of_nobody for one in query.activity.options):
+        raise InputError(
+            f"{query.text!r}: that nobody is there is not told while watching; search the scene for it"
+        )
     return query, places

@@ -101,6 +101,7 @@ class FoundEvent:
             "roles": dict(event.roles),
             "why": {key: None if math.isnan(p) else p for key, p in event.why.items()},
             "notes": self.notes,
+            **({"also": list(event.also)} if event.also else {}),
             **({"spots": [_spot_dict(spot) for spot in self.spots]} if self.spots else {}),
             **(self.across or {}),
         }
@@ -176,7 +177,7 @@ class SearchResult:
         plain |= {"end_frame": "int64", "camera": "utf8", "run": "utf8", "clip": "utf8"}
         columns = {name: (kind, [row[name] for row in rows]) for name, kind in plain.items()}
         for role in self.asked.query.activity.roles:
-            columns[role.name] = ("int64", [row["roles"][role.name] for row in rows])
+            columns[role.name] = ("int64", [row["roles"].get(role.name) for row in rows])
         columns["why"] = ("utf8", [json.dumps(row["why"]) for row in rows])
         return columns
 
@@ -211,7 +212,7 @@ class SearchResult:
             f"<tr><td>{found.event.score:.2f}</td><td>{probability_text(found.event)}</td>"
             f"<td>{escape(found.when)}</td>"
             f"<td>{escape(found.run.camera)}</td>"
-            + "".join(f"<td>{found.event.roles[role]}</td>" for role in roles)
+            + "".join(f"<td>{found.event.roles.get(role, '')}</td>" for role in roles)
             + "</tr>"
             for found in self.shown
         )

@@ -23,9 +23,11 @@ def stage_of(
     zones: Mapping[str, Float[np.ndarray, "_ 2"]] | None = None,
     lines: Mapping[str, Float[np.ndarray, "_ 2"]] | None = None,
     everybody: bool = True,
+    watched: Float[np.ndarray, "s 4"] | None = None,
 ) -> Stage:
     """Tracks of one run as a stage: with rows every ``step_s`` as they are, or else with about a
-    row of each track per :data:`STEP_S` (:func:`thinned`). ``everybody`` is that of the stage.
+    row of each track per :data:`STEP_S` (:func:`thinned`). ``everybody`` and ``watched`` are those
+    of the stage.
     """
     if step_s is None:
         tracks, step_s = thinned(tracks, STEP_S)
@@ -38,6 +40,7 @@ def stage_of(
         lines=lines or {},
         camera=calibration.camera,
         everybody=everybody,
+        watched=watched,
     )
 
 

@@ -164,7 +164,7 @@ class StandingSearches:
 
     def _events(self, stage: Stage, query: Query, run: Run) -> list[FoundEvent]:
         classes = set(stage.tracks.class_name.tolist())
-        if not all(set(role.classes) & classes for role in query.activity.roles):
+        if not query.activity.playable_by(classes):
             return []
         events = judge(stage, query.activity, min_score=self._options.min_score).events
         window = query.window

@@ -25,6 +25,8 @@ _LONGEST = 200
 """Bytes of a name in a path: file systems allow 255, and suffixes are added to it."""
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 _MOST_NS = 2**63
+Watched = tuple[float, float, int, int]
+"""From when to when (s) footage was looked at, and the first and last frame."""
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
@@ -71,8 +73,10 @@ class Run:
 
     ``start_ns`` is nanoseconds since 1970 in UTC, 0 if ``start_known`` is false. The parts' times
     are seconds from that start, end included. Track numbers begin at ``track_base``. ``classes``
-    counts rows per class, ``keypoints`` is the number of keypoints per row. ``lacks`` names columns
-    that its parts were written without, by an earlier version.
+    counts rows per class, ``keypoints`` is the number of keypoints per row. ``watched`` are the
+    spans in which footage was looked at, also where nobody was there: begin and end (s), and their
+    frames; None where it is not known. ``lacks`` names columns that its parts were written without,
+    by an earlier version.
     """
 
     run: str
@@ -87,6 +91,7 @@ class Run:
     software: str
     provenance: dict[str, Any]
     lacks: tuple[str, ...] = ()
+    watched: tuple[Watched, ...] | None = None
 
     @property
     def span_s(self) -> tuple[float, float] | None:
@@ -135,8 +140,20 @@ class Run:
             parts=tuple(map(_part, said.objects("parts"))),
             software=said.text("software"),
             provenance=said.value("provenance"),
+            watched=_watched(said)
+            if "watched" in said and said.value("watched") is not None
+            else None,
             lacks=tuple(one.name for one in COLUMNS if one.nullable and one.name not in columns),
         )
+
+
+def _watched(said: JsonObject) -> tuple[Watched, ...]:
+    """Spans in which footage was looked at, one after the other."""
+    spans = said.array("watched", None, 4)
+    times = spans[:, :2].ravel()
+    if not (np.isfinite(spans).all() and (np.diff(times) >= 0).all()):
+        raise said.error("watched", "spans of times and frames, in their order")
+    return tuple((float(a), float(b), int(c), int(d)) for a, b, c, d in spans)
 
 
 def _part(said: JsonObject) -> Part:

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 from filelock import FileLock
+from jaxtyping import Float, Int
 
 from scene4d.core.errors import InputError
 from scene4d.core.files import read_json, write_bytes, write_json
@@ -39,6 +40,7 @@ from scene4d.store._remains import (
 from scene4d.store.runs import (
     Part,
     Run,
+    Watched,
     camera_identity,
     camera_path,
     complete_runs,
@@ -117,6 +119,7 @@ class SceneWriter:
         self._written = 0
         self._replaced: dict[Path, float] = {}  # parts of no manifest, and since when
         self._next_part = 0
+        self._watched: list[Watched] = []
         self._dirty = True  # the manifest does not yet cover what was written
         self._committed = False
         self._claim: Claim | None = None
@@ -171,6 +174,20 @@ class SceneWriter:
             if self._buffered == self._rows_per_part:
                 self._flush()
 
+    def watched(
+        self, time_s: Float[np.ndarray, "n"], frame: Int[np.ndarray, "n"], gap_s: float
+    ) -> None:
+        """These moments were looked at, whoever was there; farther apart than ``gap_s`` nothing
+        was. They come in order of time.
+        """
+        for second, number in zip(time_s.tolist(), frame.tolist(), strict=True):
+            last = self._watched[-1] if self._watched else None
+            if last is not None and second - last[1] <= gap_s:
+                self._watched[-1] = (last[0], max(last[1], second), last[2], number)
+            else:
+                self._watched.append((second, second, number, number))
+            self._dirty = True
+
     def _check_skeleton(self, tracks: Tracks) -> None:
         k = tracks.keypoint_uv.shape[1]
         if k and self._run.keypoints not in (0, k):
@@ -207,6 +224,7 @@ class SceneWriter:
                 rows=sum(part.rows for part in parts),
                 classes=dict(sorted(total.items())),
                 parts=parts,
+                watched=tuple(self._watched) or None,
             )
             write_json(manifest_path(self._folder, self._run.run), self._run.to_dict())
             self._committed, self._dirty = True, provisional is not None

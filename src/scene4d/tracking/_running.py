@@ -31,6 +31,9 @@ _MOST_DRAWN = 40_000
 """Most positions drawn in one figure; more cannot be distinguished."""
 _MOMENT_S = 1e-3
 """Rows of one frame lie within this."""
+_BRIDGED_S = 2.0
+"""Frames at most this far apart leave no gap in what was watched: people are followed across it
+(``SmoothingSettings.max_gap_s``)."""
 _MANY_WITHOUT = 0.5
 """Share of rows without a position beyond which the camera is probably wrong."""
 
@@ -179,7 +182,7 @@ def _write(writer: "SceneWriter", looks: Iterator["Look"], job: Job) -> None:
     from scene4d.tracking.following import follow
 
     for tracks in follow(
-        looks,
+        _noted(looks, writer, job),
         job.calibration,
         job.person_height_m,
         trusted=job.options.annotations is not None,
@@ -207,7 +210,7 @@ def write_live(
 
     run = job.run
     for final, provisional in follow_live(
-        looks, job.calibration, job.person_height_m, timings=run.timings
+        _noted(looks, writer, job), job.calibration, job.person_height_m, timings=run.timings
     ):
         _put(writer, final, run)
         with timed(run.timings, "write"):
@@ -215,6 +218,17 @@ def write_live(
         published(final, provisional)
     with timed(run.timings, "write"):
         writer.close()
+
+
+def _noted(looks: Iterator["Look"], writer: "SceneWriter", job: Job) -> Iterator["Look"]:
+    """The looks; the scene learns when footage was looked at. Annotations tell where somebody is,
+    and not that nobody is elsewhere.
+    """
+    gap_s = max(_BRIDGED_S, 2.5 / job.options.rate_hz)
+    for look in looks:
+        if job.options.annotations is None:
+            writer.watched(look.time_s, look.frame, gap_s)
+        yield look
 
 
 def _put(writer: "SceneWriter", tracks: Tracks, run: TrackRun) -> None:

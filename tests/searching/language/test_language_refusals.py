@@ -107,7 +107,6 @@ def test_two_searches_joined_by_anything(data):
         ("person enters vehicle xylophone", 23, "not a known word"),
         ("person enters zone entrence", 20, '"entrance"'),
         ("person crosses line gat", 21, '"gate"'),
-        ("person near a vehicle or stops", 23, "search twice"),
         ("person carries bag", 8, "what comes closest"),
         ("car turns right then left", 22, "turns left"),
         ("person near vehicle within 3", 28, "needs a unit"),

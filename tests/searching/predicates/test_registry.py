@@ -20,7 +20,7 @@ NAMES = {
     "u_turning", "appears_from", "disappears_into", "stooping", "crowded",
     "together", "between", "alone", "staying",
     "longer_than", "taller_than", "at_entrance", "beside",
-    "arrived", "departs", "near_spot", "present",
+    "arrived", "departs", "near_spot", "near_zone", "present",
 }  # fmt: skip
 UNITS = {"m", "s", "m/s", "rad", "", "zone", "line", "spot", "side"}
 GIVEN = {"zone": "yard", "line": "gate", "spot": "was"}
@@ -153,11 +153,11 @@ def test_a_predicate_that_looks_at_keypoints_says_so(name, monkeypatch):
 def test_of_no_rows_come_no_values():
     stage = stage_of(*[Path(np.zeros(1), np.zeros((1, 2)), np.zeros((1, 2)))] * 2)
     nothing = stage.rows(np.array([], int))
-    for name in NAMES - {"inside", "crosses", "near_spot"}:
+    for name in NAMES - {"inside", "near_zone", "crosses", "near_spot"}:
         predicate = PREDICATES[name]
         assert predicate.function(*[nothing] * predicate.arity).shape == (0,)
     for empty in (stage_of(), replace(stage_of(), camera=CAMERA)):
-        for name in NAMES - {"inside", "crosses", "near_spot"}:
+        for name in NAMES - {"inside", "near_zone", "crosses", "near_spot"}:
             predicate = PREDICATES[name]
             roles = [empty.rows(np.array([], int))] * predicate.arity
             assert predicate.function(*roles).shape == (0,)

@@ -15,6 +15,10 @@ from scene4d.searching.predicates.stage import Stage
 
 def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> None:
     """Raise :class:`InputError` for an activity that can never be found or is not understood."""
+    for one in activity.alternatives:
+        check_activity(one, predicates)
+    if activity.alternatives:
+        return
     try:
         if not activity.roles:
             raise InputError("no role, expected at least one")
@@ -24,6 +28,8 @@ def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> N
         check_names("phase", [phase.name for phase in activity.phases])
         for role in activity.roles:
             check_role(role)
+        if activity.is_of_nobody and (len(activity.roles) > 1 or len(activity.phases) > 1):
+            raise InputError("a role that nobody plays stands alone, in one phase")
         if sum(role.is_counted for role in activity.roles) > 1:
             raise InputError("two roles that several play, expected one at most")
         names = [role.name for role in activity.roles]

@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -28,7 +28,8 @@ class Event:
     predicate, as ``phase: predicate(role, ...)``, to what it contributed: the score is the product
     of these, a NaN (nothing could be judged: no keypoints, say) counting one half. ``phases_s`` is
     from when to when each phase lasted; ``calibration`` that of the activity's scores, where there
-    is one.
+    is one. Of alternatives ``activity`` is the one that it was, and ``also`` others that the same
+    doer seemed to do meanwhile, with lower scores.
     """
 
     activity: str
@@ -40,6 +41,7 @@ class Event:
     why: Mapping[str, float]
     phases_s: tuple[tuple[float, float], ...] = ()
     calibration: ScoreCalibration | None = None
+    also: tuple[str, ...] = ()
 
     @property
     def probability(self) -> float | None:
@@ -142,6 +144,27 @@ def one_per_occurrence(
         crowds.append(one)
         for doer in doers:
             taken[doer].append((begin, end))
+    return kept
+
+
+def one_per_alternative(found: Sequence[Event]) -> list[Event]:
+    """Events of several alternatives, best first: what one doer seemed to do in one interval is one
+    event, of the best alternative.
+
+    Its score stays that of this one: the same rows speak for all, so that scores do not add up.
+    """
+    kept: list[Event] = []
+    for event in sorted(found, key=lambda one: (-one.score, one.begin_s, one.activity)):
+        doer = next(iter(event.roles.values()), None)
+        for at, other in enumerate(kept):
+            same = doer is not None and doer == next(iter(other.roles.values()), None)
+            meets = event.begin_s <= other.end_s and other.begin_s <= event.end_s
+            if same and meets and event.activity != other.activity:
+                also = dict.fromkeys((*other.also, event.activity))
+                kept[at] = replace(other, also=tuple(also))
+                break
+        else:
+            kept.append(event)
     return kept
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from scene4d.searching.activities._absence import absence_values
 from scene4d.searching.activities._casting import cast
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._evidence import gather
@@ -45,6 +46,9 @@ def course_of(
     predicates: Mapping[str, Predicate] = PREDICATES,
 ) -> Course | None:
     """The course of an event of this stage; None where its cast has no moment together."""
+    activity = activity.option(event.activity)
+    if activity.is_of_nobody:
+        return Course(*absence_values(stage, activity, predicates, event))
     rows = {role: _rows(stage, number, event) for role, number in event.roles.items()}
     casts = cast(stage, activity, rows, predicates)
     if len(casts) == 0:

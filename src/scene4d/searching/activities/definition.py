@@ -1,6 +1,6 @@
 """What an activity is: roles, and phases of predicates in time."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
 from scene4d.searching.predicates._when import When
@@ -17,13 +17,14 @@ class Role:
     """A part in an activity: who may play it. ``classes`` are those of :data:`tracks.CLASSES`.
 
     Where ``count`` is more than one, at least so many play it at the same time, and one of them
-    throughout; where it is ``exactly`` so many, no more.
+    throughout; where it is ``exactly`` so many, no more; where it is ``absent``, nobody does.
     """
 
     name: str
     classes: tuple[str, ...]
     count: int = 1
     exactly: bool = False
+    absent: bool = False
 
     @property
     def is_counted(self) -> bool:
@@ -87,7 +88,8 @@ class Activity:
     A duration and a place ("stops for 10 s", "meet in zone yard") are said of the phase ``state``,
     or of what is so ``after`` the last phase.
     ``phrases`` are ways to ask for it in words; ``labels`` its names in other people's data (MEVA).
-    ``spots`` are what ``near_spot`` names: where others were at other times.
+    ``spots`` are what ``near_spot`` names: where others were at other times. Of ``alternatives``
+    any will do: roles and spots are then those of all of them, and there are no own phases.
     """
 
     name: str
@@ -100,11 +102,34 @@ class Activity:
     state: str = ""
     after: tuple[Term, ...] = ()
     spots: tuple[Spot, ...] = ()
+    alternatives: tuple["Activity", ...] = ()
+
+    @property
+    def options(self) -> tuple["Activity", ...]:
+        """The alternatives; itself where there are none."""
+        return self.alternatives or (self,)
+
+    def option(self, name: str) -> "Activity":
+        """The alternative of this name; itself where there are none."""
+        return next(one for one in self.options if name == one.name or not self.alternatives)
+
+    @property
+    def is_of_nobody(self) -> bool:
+        """Whether it is over as soon as somebody plays its role."""
+        return any(role.absent for role in self.roles)
+
+    def playable_by(self, classes: Collection[str]) -> bool:
+        """Whether there is somebody for every role, of one alternative at least."""
+        return any(
+            all(role.absent or set(role.classes) & set(classes) for role in one.roles)
+            for one in self.options
+        )
 
     @property
     def terms(self) -> tuple[Term, ...]:
         """The terms of all phases."""
-        return tuple(term for phase in self.phases for term in phase.terms)
+        phases = (phase for one in self.options for phase in one.phases)
+        return tuple(term for phase in phases for term in phase.terms)
 
     @property
     def every_term(self) -> tuple[Term, ...]:

@@ -6,10 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scene4d.core.errors import InputError
+from scene4d.searching.activities._absence import absences
 from scene4d.searching.activities._casting import cast, is_symmetric, rows_of_roles, unbound_roles
 from scene4d.searching.activities._checking import check_activity, check_places
 from scene4d.searching.activities._compose import Aligned, Span, Timeline, align
-from scene4d.searching.activities._events import Event, found_event, one_per_occurrence
+from scene4d.searching.activities._events import (
+    Event,
+    found_event,
+    one_per_alternative,
+    one_per_occurrence,
+)
 from scene4d.searching.activities._evidence import Evidence, gather, played_by_several, promising
 from scene4d.searching.activities._related import align_related
 from scene4d.searching.activities._terms import value_of
@@ -64,14 +70,23 @@ def judge(
     least = max(min_score, LEAST_SCORE)
     check_activity(activity, predicates)
     check_places(stage, activity, predicates)
+    if activity.alternatives:
+        several = [
+            judge(stage, one, min_score=min_score, predicates=predicates)
+            for one in activity.alternatives
+        ]
+        events = one_per_alternative([event for one in several for event in one.events])
+        return Judged(events, sum(one.casts for one in several))
+    if activity.is_of_nobody:
+        return Judged(absences(stage, activity, predicates, least), 0)
     rows = rows_of_roles(stage, activity)
-    several = played_by_several(activity)
-    if len(rows) > 1 and not several:
+    counted = played_by_several(activity)
+    if len(rows) > 1 and not counted:
         for role in unbound_roles(activity, predicates):
             rows[role] = promising(stage, activity, role, rows[role], predicates, least)
     casts = cast(stage, activity, rows, predicates)
     found = []
-    for batch in [casts] if several else casts.batches():
+    for batch in [casts] if counted else casts.batches():
         evidence = gather(stage, activity, batch, predicates, least)
         for number, aligned in _align(evidence, activity, stage.step_s, least):
             found.append(found_event(stage, activity, evidence, number, aligned))

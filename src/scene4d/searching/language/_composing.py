@@ -217,6 +217,10 @@ def _done(clause: Clause, done: Done, discourse: Discourse) -> Piece:
         nouns = pair_of(nouns[0])
     if len(nouns) != 2:
         return activity_of(clause, done, discourse)
+    if any(noun.article == "reciprocal" for noun in done.nouns):  # the one does it to the other
+        others = tuple(nouns[1] if n.article == "reciprocal" else n for n in done.nouns)
+        clause, done = replace(clause, subject=nouns[0]), replace(done, nouns=others)
+        return activity_of(clause, done, discourse)
 
     def apart(_: None, known: Discourse) -> Piece:
         first = activity_of(replace(clause, subject=nouns[0]), done, known)

@@ -12,8 +12,8 @@ from scene4d.searching.language._sentences import Noun, Span
 from scene4d.searching.language._words import refuse
 
 NOBODY = (
-    "nobody leaves no track to search along; what comes closest: "
-    '"nobody is near a vehicle", or the moment before, as in "person leaves zone NAME"'
+    "of nobody only a state can be asked for, by itself; what comes closest: "
+    '"nobody is in zone NAME for 5 minutes", "nobody is near a vehicle"'
 )
 _Option = TypeVar("_Option")
 _Meant = TypeVar("_Meant")
@@ -22,7 +22,7 @@ _Meant = TypeVar("_Meant")
 @dataclass(frozen=True)
 class _Referent:
     """Somebody in a search: the name of the role, its kind, the classes that may play it, and at
-    least how many do so at the same time, or exactly.
+    least how many do so at the same time, or exactly; or that nobody does.
     """
 
     name: str
@@ -30,6 +30,7 @@ class _Referent:
     classes: tuple[str, ...]
     count: int = 1
     exactly: bool = False
+    absent: bool = False
 
 
 @dataclass
@@ -91,7 +92,8 @@ class Discourse:
     def roles(self) -> tuple[Role, ...]:
         """Everybody as roles, in the order in which they came up."""
         return tuple(
-            Role(one.name, one.classes, one.count, one.exactly) for one in self.people.values()
+            Role(one.name, one.classes, one.count, one.exactly, one.absent)
+            for one in self.people.values()
         )
 
     def mention(self, name: str) -> None:
@@ -105,6 +107,15 @@ class Discourse:
             name, number = f"{kind}_{number}", number + 1
         self.people[name] = _Referent(name, kind, tuple(classes), count)
         self.mention(name)
+        return name
+
+    def add_nobody(self, noun: Noun) -> str:
+        """The role that nobody plays; raises :class:`InputError` beside somebody who plays one."""
+        if self.people:
+            raise self.refuse(noun.span, NOBODY)
+        wanted = {"person": "nobody", "any": "nothing"}.get(noun.kind, f"no_{noun.kind}")
+        name = self.add(noun.kind, noun.classes, wanted)
+        self.people[name] = replace(self.people[name], absent=True)
         return name
 
     def add_spot(self, spot: Spot, kind: str) -> None:

@@ -102,6 +102,8 @@ class _Reading:
                 self._check(subject, slot)
             filled |= dict(zip(self._roles_of_subject(slot, subjects), subjects, strict=False))
             roles = roles[2 if slot.pair else 1 :]
+        else:
+            self._check_doer()
         for slot, noun, role in zip(slots, self.done.nouns, roles, strict=True):
             self._check(noun, slot)
             self._check_alone(noun)
@@ -143,6 +145,14 @@ class _Reading:
             said = discourse.said(self.clause.span)
             discourse.note(f'nobody is named: "{said}" is taken of anybody who can')
         return known
+
+    def _check_doer(self) -> None:
+        """Refuse a verb without a subject that those of the clause before cannot do."""
+        discourse, kind = self.discourse, kind_of(self.spoken.activity.roles[0])
+        kinds = {discourse.people[name].kind for name in discourse.subject}
+        if kinds and kind != "any" and not kinds & {kind, "any"} and not self._last_known(kind):
+            said = discourse.said(self.clause.span)
+            raise discourse.refuse(self.clause.span, f'a {kind} is expected: "{said}"')
 
     def _is_of_two(self, slot: Slot) -> bool:
         """Whether the subjects may be two."""

@@ -53,14 +53,16 @@ class Grammar:
             for word in words
         ]
 
-    def parse(self, words: Sequence[Word]) -> Tree:
+    def parse(self, words: Sequence[Word], *, quick: bool = False) -> Tree:
         """All readings of the words. Raises Lark's :class:`UnexpectedInput` where there is none,
-        with all words that could be said instead.
+        with all words that could be said instead, unless it should be ``quick``.
         """
         tokens = self.tokens(words)
         try:
             return self._only({token.type for token in tokens}).parse(tokens)
         except UnexpectedInput:
+            if quick:
+                raise
             return self.parser.parse(tokens)
 
     def _only(self, terminals: set[str]) -> ParsingFrontend:

@@ -49,6 +49,7 @@ class StateEntry:
     least_s: float | None = None
     becomes: tuple[bool, ...] = ()
     settles: bool = False
+    in_turn: bool = False
     instant: bool = False
     mutual: bool = False
     crowd: Term | None = None

@@ -3,18 +3,21 @@
 import math
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from lark import Tree
 from lark.exceptions import UnexpectedEOF, UnexpectedInput, UnexpectedToken
 
 from scene4d.core.errors import InputError
+from scene4d.core.tracks import CLASSES
 from scene4d.searching.activities._checking import check_activity
 from scene4d.searching.activities._terms import term_text
 from scene4d.searching.activities.definition import Activity, Phase, Role
 from scene4d.searching.language._composing import compose
-from scene4d.searching.language._discourse import Discourse
+from scene4d.searching.language._discourse import NOBODY, Discourse
+from scene4d.searching.language._either import Reading, either
 from scene4d.searching.language._grammar import Grammar, build_grammar
 from scene4d.searching.language._lexicon import Lexicon, Refusal
 from scene4d.searching.language._pieces import Piece
@@ -61,14 +64,50 @@ def parse_query(
     if by_name is not None:
         return Query(text, by_name, [term_text(term) for term in by_name.terms], None, [])
     grammar = build_grammar(catalogue.values())
-    words = read_words(text, grammar.vocabulary(tuple(zones), tuple(lines)))
-    read, notes = read_tree(_parse(text, words, grammar), text, grammar)
+    vocabulary = grammar.vocabulary(tuple(zones), tuple(lines))
+
+    named = any(vocabulary.word(name) and name in text.casefold() for name in (*zones, *lines))
+
+    def read(said: str, quick: bool) -> list[Reading]:
+        words = read_words(said, vocabulary)
+        may_fail = quick or named or any(word.value == "or" for word in words)
+        try:
+            return [_one(said, words, grammar, catalogue, quick=may_fail)]
+        except InputError:
+            if named:  # a zone may be called "door"
+                words = read_words(said, replace(vocabulary, names_first=True))
+                with suppress(InputError):
+                    return [_one(said, words, grammar, catalogue, quick=quick)]
+            alike = partial(_are_alike, lexicon=grammar.lexicon)
+            several = either(said, words, read, alike)
+            if several is not None:
+                return several
+            if named and not quick:
+                return [_one(said, words, grammar, catalogue)]
+            raise
+
+    found = [one.query for one in read(text, False)]
+    return found[0] if len(found) == 1 else _joined(text, found)
+
+
+def _one(
+    text: str,
+    words: Sequence[Word],
+    grammar: Grammar,
+    catalogue: Mapping[str, Activity],
+    *,
+    quick: bool = False,
+) -> Reading:
+    """A search without alternatives; ``quick`` says less of what is not understood."""
+    read, notes = read_tree(_parse(text, words, grammar, quick), text, grammar)
     sentences = sorted(options_of(read), key=lambda one: len(one.clocks))
     sentence = sentences[0]  # a time of day is that of the nearest words
     if len(sentences) > 1:
         notes.append("the time of day is taken of the words beside it; say it first for the event")
     discourse = Discourse(text, grammar.lexicon)
     piece = compose(sentence.order, discourse)
+    if any(one.absent for one in discourse.people.values()) and len(piece.phases) > 1:
+        raise refuse(text, 0, NOBODY)
     activity = _activity(piece, discourse, text, catalogue)
     check_activity(activity, PREDICATES)
     window = _window_of(sentence.clocks, discourse, notes)
@@ -76,12 +115,43 @@ def parse_query(
     for spot in activity.spots:
         terms += [f"{spot.name}: {term_text(term)}" for term in spot.activity.terms]
     notes = [*discourse.notes, *notes]
-    return Query(text, activity, terms, window, notes)
+    return Reading(Query(text, activity, terms, window, notes), sentence)
+
+
+def _joined(text: str, found: Sequence[Query]) -> Query:
+    """A search for any of several things."""
+    roles: dict[str, Role] = {}
+    for one in found:
+        for role in one.activity.roles:
+            known = roles.setdefault(role.name, role)
+            classes = tuple(c for c in CLASSES if c in {*known.classes, *role.classes})
+            roles[role.name] = replace(known, classes=classes)
+    spots = tuple(dict.fromkeys(spot.name for one in found for spot in one.activity.spots))
+    every = {spot.name: spot for one in found for spot in one.activity.spots}
+    activity = Activity(
+        " ".join(text.split()),
+        tuple(roles.values()),
+        (),
+        spots=tuple(every[name] for name in spots),
+        alternatives=tuple(one.activity for one in found),
+    )
+    windows = list(dict.fromkeys(one.window for one in found if one.window is not None))
+    notes = dict.fromkeys(note for one in found for note in one.notes)
+    if len(windows) > 1:
+        raise refuse(text, 0, "two times of day; one search asks for one")
+    if windows and None in [one.window for one in found]:
+        notes[f"the time of day, {windows[0]}, is taken of every alternative"] = None
+    predicates = [f"{one.activity.name}: {line}" for one in found for line in one.predicates]
+    return Query(text, activity, predicates, next(iter(windows), None), list(notes))
 
 
 def explain(activity: Activity, window: Window | None, notes: Sequence[str]) -> list[str]:
     """The decomposition as text: who, the phases with their durations and terms, when, notes."""
-    lines = _explained(activity)
+    lines = []
+    for number, one in enumerate(activity.alternatives):
+        lines.append(f'{"or" if number else "either"} "{one.name}"')
+        lines += [f"   {line}" for line in _explained(one)]
+    lines += [] if activity.alternatives else _explained(activity)
     for spot in activity.spots:
         lines.append(f'spot "{spot.name}": another one, {spot.when}')
         lines += [f"   {line}" for line in _explained(spot.activity)]
@@ -92,7 +162,9 @@ def explain(activity: Activity, window: Window | None, notes: Sequence[str]) -> 
 
 def _explained(activity: Activity) -> list[str]:
     lines = [
-        f"{role.name}: {_at_least(role)}{' or '.join(role.classes)}" for role in activity.roles
+        f"{role.name}: {_at_least(role)}{' or '.join(role.classes)}"
+        + (", of whom there is none" if role.absent else "")
+        for role in activity.roles
     ]
     for number, phase in enumerate(activity.phases, 1):
         lines.append(f"{number}. {phase.name}{_lasting(phase)}{_pause(phase, number)}")
@@ -161,10 +233,12 @@ def _window_of(clocks: Sequence[Clock], discourse: Discourse, notes: list[str]) 
 # What is not understood --------------------------------------------------------------------------
 
 
-def _parse(text: str, words: Sequence[Word], grammar: Grammar) -> Tree:
+def _parse(text: str, words: Sequence[Word], grammar: Grammar, quick: bool) -> Tree:
     try:
-        return grammar.parse(words)
+        return grammar.parse(words, quick=quick)
     except UnexpectedInput as error:
+        if quick:
+            raise InputError(f'search "{text}": it is not understood') from None
         known = _refused_in(text, words, grammar)
         raise known or _not_understood(text, error, words, grammar) from None
 
@@ -216,10 +290,6 @@ def _unexpected(
     if word.value in _flat({"": tuple(w for _, ws in grammar.lexicon.units["speed"] for w in ws)}):
         what = f'"{word.surface}": say "faster than" or "slower than" for a speed'
         return refuse(text, start, what)
-    either = next((other for other in (*before[-1:], word) if other.value == "or"), None)
-    if either is not None:
-        what = '"or" stands between nouns, as in "a car or a truck"; one search asks for one thing'
-        return refuse(text, either.start, f"{what}: search twice, for this and for that")
     if before and before[-1].kind == "number" and word.value not in units:
         return _no_unit(text, before[-1])
     after = f' after "{before[-1].surface}"' if before else " at the beginning"
@@ -268,6 +338,13 @@ def _kinds(lexicon: Lexicon) -> dict[str, frozenset[str]]:
         "a unit": first(units),
         "a number": first(w for _, words in lexicon.numbers for w in words),
     }
+
+
+def _are_alike(one: Word, other: Word, lexicon: Lexicon) -> bool:
+    """Whether "or" may join what begins with these words: both begin a noun, or neither."""
+    kinds = _kinds(lexicon)
+    nouns = kinds["a person or vehicle"] | kinds["a number"]
+    return (one.value in nouns) == (other.value in nouns)
 
 
 def _flat(table: Mapping[str, tuple[str, ...]]) -> list[str]:

@@ -11,6 +11,7 @@ from lark import Token, Tree, v_args
 from lark.exceptions import VisitError
 
 from scene4d.core.tracks import CLASSES
+from scene4d.searching.activities.definition import Term
 from scene4d.searching.language._doing import NOT_OF_ACTIVITIES
 from scene4d.searching.language._grammar import Grammar
 from scene4d.searching.language._lexicon import Adjective, StateEntry, base_forms
@@ -207,7 +208,7 @@ class _Reader(TimeReader):
         for place in all_of(children, Place):
             if place.name is None:
                 raise refuse(self._text, place.span[0], f"which {place.kind}? Say its name")
-            values[place.kind] = place.name
+            values[f"{place.kind}_2" if place.kind in values else place.kind] = place.name
         for mark in all_of(children, Mark):
             if mark.name.removeprefix("s_") in SIDES:
                 values["side"] = mark.name.removeprefix("s_")
@@ -277,10 +278,34 @@ class _Reader(TimeReader):
             noun = replace(noun, adjectives=noun.adjectives[1:])
         elif noun.relatives:
             core, noun = noun.relatives[0], replace(noun, relatives=noun.relatives[1:])
+        elif noun.article == "none":  # "nobody for 10 minutes"
+            core = Said(StateEntry((Term("present", ("a",)),)), (), {}, noun.span)
         else:
             core = None  # refused when it is read, where no other reading makes sense
         more = [child for child in children if not isinstance(child, Noun)]
         return self.clause(meta, [noun, core, *more])
+
+    def emptied(self, meta: Any, children: list) -> Clause | Choice:
+        """ "Zone X is empty", "X is free of vehicles": nothing, or none of these, is there."""
+        span, place = span_of(meta), first_of(children, Place)
+        nouns = all_of(children, Noun)
+        polarity = first_of(children, Polarity) or Polarity(False, False)
+        if polarity.is_denied:
+            what = 'say who is there, as in "a person is in zone NAME"'
+            raise refuse(self._text, span[0], what)
+        if place.name is None:
+            raise refuse(self._text, place.span[0], "which zone? Say its name")
+        inside = StateEntry((Term("inside", ("a",), {"zone": place.name}),))
+        noun = replace(nouns[0], article="none") if nouns else self._nothing(span)
+        more = [
+            child for child in children if not isinstance(child, Noun | Place | Polarity | Mark)
+        ]
+        return self.clause(meta, [noun, Said(inside, (), {}, span), *more])
+
+    def _nothing(self, span: Span) -> Noun:
+        entry = self._lexicon.noun("nothing")
+        assert entry is not None
+        return Noun(entry.kind, entry.classes, "none", "nothing", span)
 
     def modifier(self, _meta: Any, children: list) -> Any:
         denied = any(isinstance(child, Mark) for child in children)
@@ -368,7 +393,7 @@ class _Reader(TimeReader):
         if when in (When(), When(later=True)):
             when = replace(when, is_over=True)
         polarity = first_of(children, Polarity) or Polarity(False, False)
-        if polarity.is_denied:
+        if polarity.is_denied or noun.article == "none":
             raise refuse(self._text, noun.span[0], "where somebody never was cannot be asked for")
         core, lasting = first_of(children, Done, Said, Choice), first_of(children, Lasting)
         return SpotSaid(noun, polarity, core, lasting, when, span)

@@ -49,6 +49,8 @@ def state_of(clause: Clause, core: Said, discourse: Discourse) -> Piece:
     if is_instant and lasting.least is not None:
         words = discourse.said(clause.span)
         raise discourse.refuse(lasting.span, f'"{words}" is a moment, and lasts no time')
+    if entry.in_turn:
+        return _in_turn(terms, of_core, said[0].is_denied, clause, discourse)
     usual_s = max((one.entry.least_s or 0.0 for one in said), default=0.0)
     piece = state(terms, lasting, is_instant, discourse, usual_s or None)
     is_motion = core.is_verb and core.predicate in _MOTIONS and not clause.polarity.is_state
@@ -135,9 +137,11 @@ def _alone(clause: Clause, core: Said, discourse: Discourse) -> Piece:
     assert isinstance(noun, Noun)
     others = [part for part in clause.modifiers if isinstance(part, Said)]
     bounds = [part for part in clause.modifiers if isinstance(part, Bound)]
-    is_near = core.predicate == "near" and len(core.nouns) == 1 and not others
-    if noun.kind != "person" or not is_near or clause.polarity.is_denied or core.entry.becomes:
+    if clause.polarity.is_denied or core.entry.becomes or core.entry.instant:
         raise discourse.refuse(noun.span, NOBODY)
+    is_near = core.predicate == "near" and len(core.nouns) == 1 and not others
+    if noun.kind != "person" or not is_near:
+        return _absence(clause, [core, *others], discourse)
     name = discourse.name_of(core.nouns[0], ())
     terms = noun_terms(core.nouns[0], name, discourse)
     near = _with_values(core.entry.holds[0], core.values)
@@ -147,6 +151,21 @@ def _alone(clause: Clause, core: Said, discourse: Discourse) -> Piece:
     alone = Term("alone", (name,), said.parameters)
     discourse.subject = (name,)
     return state((alone, *terms), duration(clause, discourse), False, discourse)
+
+
+def _absence(clause: Clause, said: Sequence[Said], discourse: Discourse) -> Piece:
+    """Nobody is so: a role that nobody plays."""
+    noun = clause.subject
+    assert isinstance(noun, Noun)
+    name = discourse.add_nobody(noun)
+    discourse.remark(replace(noun, is_plural=False))
+    terms = noun_terms(noun, name, discourse)
+    for one in said:
+        terms = (*terms_of(one, name, discourse), *terms)
+    if len(discourse.people) > 1 or any("spot" in term.parameters for term in terms):
+        raise discourse.refuse(noun.span, NOBODY)
+    discourse.subject = (name,)
+    return state(terms, duration(clause, discourse), False, discourse)
 
 
 # What ---------------------------------------------------------------------------------------------
@@ -344,6 +363,34 @@ def _change(
         return throughout(change, others)
     settled = throughout(replace(change, phases=change.phases[-1:]), others)
     return replace(change, phases=(*change.phases[:-1], *settled.phases))
+
+
+def _in_turn(
+    terms: tuple[Term, ...],
+    core: tuple[Term, ...],
+    is_denied: bool,
+    clause: Clause,
+    discourse: Discourse,
+) -> Piece:
+    """One statement after the other, with what else is said throughout."""
+    lasting = duration(clause, discourse)
+    if is_denied or lasting.least is not None or lasting.most is not None:
+        what = "of a way it is only said that it is gone, not how long, and not that it is not"
+        raise discourse.refuse(clause.span, what)
+    least, pause = discourse.assumed("change_min_s"), discourse.assumed("before_s")
+    others = tuple(term for term in terms if term not in core)
+    phases = tuple(
+        Phase(
+            f"{'then ' * (number > 0)}in {term.parameters['zone']}",
+            (term, *others),
+            least,
+            gap_s=pause * (number > 0),
+        )
+        for number, term in enumerate(core)
+    )
+    said = discourse.said(clause.span)
+    discourse.note(f'"{said}" is taken as at most {pause:g} s from the one to the other')
+    return Piece(phases, True, "goes")
 
 
 def with_distance(terms: tuple[Term, ...], bound: Bound, discourse: Discourse) -> tuple[Term, ...]:

@@ -56,19 +56,27 @@ class Word:
 @dataclass(frozen=True, eq=False)
 class Vocabulary:
     """The known words, the phrases of the catalogue (None while these are read themselves), and the
-    names of places by their kind ("zone", "line").
+    names of places by their kind ("zone", "line"); with ``names_first`` what is a word and a name
+    is the name.
     """
 
     words: Collection[str]
     lexicon: Lexicon
     phrases: Sequence[str] | None = ()
     places: Mapping[str, Sequence[str]] = field(default_factory=lambda: {"zone": (), "line": ()})
+    names_first: bool = False
 
     def word(self, surface: str) -> str | None:
         """The known word behind a surface form, or none."""
         lower = surface.casefold()
         forms = (lower, *base_forms(lower), lower.removesuffix("s") if "-" in lower else lower)
         return next((form for form in forms if form in self.words), None)
+
+    def may_be_name(self, name: str) -> bool:
+        """Whether a place may be called so without "zone" before it; "a" never is zone A."""
+        articles = (word for words in self.lexicon.articles.values() for word in words)
+        known = self.word(name)
+        return known is None or (self.names_first and known not in articles)
 
 
 def refuse(text: str, start: int, what: str) -> InputError:
@@ -192,7 +200,7 @@ def _name_at(text: str, at: int, before: list[Word], vocabulary: Vocabulary) -> 
             return None
         return Word(said, name, at, at + len(name), text[at : at + len(name)])
     for kind, name in found.items():
-        if name is None or vocabulary.word(name) is not None:
+        if name is None or not vocabulary.may_be_name(name):
             continue
         if None not in found.values():
             both = f'"{name}" is a zone and a line; say "zone {name}" or "line {name}"'

@@ -46,9 +46,11 @@ class Clip:
 
 
 def crop_region(around: Tracks | None, event: Event, image_size: tuple[int, int]) -> _Region | None:
-    """What of the picture holds every role during an event, with a margin; None where none has a
-    box.
+    """What of the picture holds every role during an event, with a margin; all of it where nobody
+    takes part, None where none has a box.
     """
+    if not event.roles:
+        return 0, 0, *image_size
     if around is None:
         return None
     during = (around.time_s >= event.begin_s - 1e-6) & (around.time_s <= event.end_s + 1e-6)

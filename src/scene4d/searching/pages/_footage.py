@@ -42,7 +42,10 @@ def clips_of(result: SearchResult) -> list[Clip | NoFootage]:
             clips |= dict.fromkeys(numbers, place)
         else:
             known = Calibration.load(result.asked.scene.camera_file(run.camera))
-            rings = [Rings(found, result.asked.query.activity, known) for found in events]
+            rings = [
+                Rings(found, result.asked.query.activity.option(found.event.activity), known)
+                for found in events
+            ]
             made = _cut(place, events, rings, known.image_size)
             clips |= zip(numbers, made, strict=True)
     return [clips[number] for number in range(len(result.shown))]

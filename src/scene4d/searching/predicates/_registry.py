@@ -40,7 +40,7 @@ from scene4d.searching.predicates._visibility import (
     disappears,
     disappears_into,
 )
-from scene4d.searching.predicates._zones import crosses, inside
+from scene4d.searching.predicates._zones import crosses, inside, near_zone
 
 _Function = Callable[..., np.ndarray]
 
@@ -153,6 +153,7 @@ _ALL = (
     _predicate(disappears_into, sizes=True),
     _predicate(at_entrance),
     _predicate(inside),
+    _predicate(near_zone),
     _predicate(crosses),
     _predicate(stooping),
     _predicate(longer_than, sizes=True),

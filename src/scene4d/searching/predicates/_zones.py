@@ -14,15 +14,19 @@ from scipy.special import ndtr
 from scene4d.core.errors import InputError
 from scene4d.core.text import nearest
 from scene4d.searching.predicates._gaussian import above, form, turned
-from scene4d.searching.predicates.stage import StageRows
+from scene4d.searching.predicates.stage import Stage, StageRows
 
 _INSIDE_SIGMA_M = 0.2
 _CROSSING_SIGMA_M = 0.2
 """How vague the borders are that people draw: less than a step, chosen by hand."""
+_NEAR_TAU_M, _NEAR_SIGMA_M = 4.0, 1.0
+"""As near as to somebody (:func:`.near`)."""
 _CROSSING_WINDOW_S = 1.0
 _ON_EDGE_M = 1e-9
 _FARTHEST_M = 1e7
 """A quarter of the way around the Earth; products of such numbers do not overflow."""
+_SAMPLES = 40
+"""Points along each side, of which those in a zone tell what share of it is in view."""
 _BLOCK = 1 << 14
 """Rows compared with all edges at a time, so that (rows, edges) stays small."""
 
@@ -35,13 +39,27 @@ def inside(a: StageRows, *, zone: str, sigma_m: float = _INSIDE_SIGMA_M) -> Floa
     than twice the position's error, and in acute corners, the value is too high. Raises
     :class:`InputError` for a zone that the stage does not have, or that is none.
     """
+    return _by_border(a, zone, 0.0, sigma_m)
+
+
+def _by_border(a: StageRows, zone: str, least_m: float, sigma_m: float) -> Float[np.ndarray, "m"]:
+    """P(a is further in than ``least_m``)."""
     corners = _open(place_of(a.stage.zones, "zone", zone))
     found = np.empty(len(a))
     for begin in range(0, len(a), _BLOCK):
         block = slice(begin, begin + _BLOCK)
         signed, normal = _to_border(a.xy_m[block], corners)
-        found[block] = above(signed, 0.0, sigma_m, form(normal, a.covariance_m2[block]))
+        found[block] = above(signed, least_m, sigma_m, form(normal, a.covariance_m2[block]))
     return found
+
+
+def near_zone(
+    a: StageRows, *, zone: str, tau_m: float = _NEAR_TAU_M, sigma_m: float = _NEAR_SIGMA_M
+) -> Float[np.ndarray, "m"]:
+    """P(a is within ``tau_m`` of the zone, or in it): ``Φ((τ + s) / √(σ² + nᵀ C n))``, s and n as
+    for :func:`inside`. Raises as that.
+    """
+    return _by_border(a, zone, -tau_m, sigma_m)
 
 
 def crosses(
@@ -78,6 +96,20 @@ def crosses(
         spread = np.sqrt(sigma_m**2 + form(along, a.covariance_m2))
         found += sides * (ndtr(meets / spread) - ndtr((meets - length) / spread))
     return np.minimum(found, 1.0)
+
+
+def in_view(stage: Stage, corners: Float[np.ndarray, "m 2"]) -> float:
+    """The share of a zone that is in the picture; 1 without a camera, of which nothing is known."""
+    if stage.camera is None:
+        return 1.0
+    corners = _open(corners)
+    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+    x, y = ((np.arange(_SAMPLES) + 0.5) / _SAMPLES * (b - a) + a for a, b in ((x0, x1), (y0, y1)))
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    points = points[_contains(points, corners, np.roll(corners, -1, axis=0))]
+    uv, visible = stage.camera.project(np.column_stack([points, np.zeros(len(points))]))
+    seen = visible & (uv >= 0).all(axis=1) & (uv < stage.image_size).all(axis=1)
+    return float(seen.mean()) if len(seen) else 1.0
 
 
 def place_of(

@@ -35,7 +35,8 @@ class Stage:
     are where others were at other times (:func:`near_spot`). ``camera``
     tells how large things are seen; None where the picture is all there is. ``everybody`` says
     whether whoever is in view is tracked as well as can be: annotators follow those of an activity,
-    while it lasts, so that nobody is missed of whom there are no rows.
+    while it lasts, so that nobody is missed of whom there are no rows. ``watched`` are the spans in
+    which the camera was watched: begin and end (s), and the frames of these; None if not known.
 
     Times are counted in ticks of ``step_s`` from the first of them, so that rows of different
     tracks can be of the same moment.
@@ -50,6 +51,7 @@ class Stage:
     spots: "Mapping[str, Spots]" = field(default_factory=dict)
     camera: Camera | None = None
     everybody: bool = True
+    watched: Float[np.ndarray, "s 4"] | None = None
 
     def __post_init__(self) -> None:
         if not self.step_s > 0:
@@ -166,8 +168,12 @@ class Stage:
     @cached_property
     def _frames(self) -> tuple[Float[np.ndarray, "t"], Float[np.ndarray, "t"]]:
         """Every time once, and the frame of its first row, as a float: to interpolate it."""
-        times, first = np.unique(self.tracks.time_s, return_index=True)
-        return times, self.tracks.frame[first].astype(float)
+        time_s, frame = self.tracks.time_s, self.tracks.frame
+        if self.watched is not None:
+            time_s = np.concatenate([time_s, self.watched[:, :2].ravel()])
+            frame = np.concatenate([frame, self.watched[:, 2:].ravel()])
+        times, first = np.unique(time_s, return_index=True)
+        return times, frame[first].astype(float)
 
     @cached_property
     def factors(self) -> "Factors | None":
