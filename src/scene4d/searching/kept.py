@@ -79,6 +79,7 @@ def standing_query(
         )
     if any(one.is_of_nobody for one in query.activity.options):
         raise InputError(
-            f"{query.text!r}: that nobody is there is not told while watching; search the scene for it"
+            f"{query.text!r}: that nobody is there is not told while watching; "
+            "search the scene for it"
         )
     return query, places
