@@ -190,20 +190,26 @@ def _look(path: Path) -> None:
             pass
 
 
+def write_video(path: Path, codec: str, title: str = "") -> None:
+    """Twelve small pictures of noise."""
+    rng = np.random.default_rng(0)
+    with av.open(str(path), "w") as file:
+        file.metadata["title"] = title
+        stream = file.add_stream(codec, rate=10)
+        stream.width, stream.height, stream.pix_fmt = (
+            64,
+            48,
+            "yuvj420p" if codec == "mjpeg" else "yuv420p",
+        )
+        for _ in range(12):
+            picture = rng.integers(0, 255, (48, 64, 3), dtype=np.uint8)
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="bgr24")))
+        file.mux(stream.encode(None))
+
+
 def _video(ending: str, codec: str) -> Sample:
     def make(folder: Path) -> Path:
-        rng = np.random.default_rng(0)
-        with av.open(str(folder / f"a{ending}"), "w") as file:
-            stream = file.add_stream(codec, rate=10)
-            stream.width, stream.height, stream.pix_fmt = (
-                64,
-                48,
-                "yuvj420p" if codec == "mjpeg" else "yuv420p",
-            )
-            for _ in range(12):
-                picture = rng.integers(0, 255, (48, 64, 3), dtype=np.uint8)
-                file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="bgr24")))
-            file.mux(stream.encode(None))
+        write_video(folder / f"a{ending}", codec)
         return folder / f"a{ending}"
 
     return Sample(make, _look)
@@ -362,7 +368,7 @@ def misread(read: Read, path: Path) -> Exception | str | None:
         bare = message.replace(str(path), "").replace(str(path.parent), "")
         if len(bare) >= 500 or "\x1b" in message:
             return f"an unreadable message: {message[:600]!r}"
-        if path.name not in message and path.parent.name not in message:
+        if path.name not in message and path.parts[2] not in message:
             return f"a message that names no file: {message!r}"
     except Scene4DError:
         return None

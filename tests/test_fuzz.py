@@ -7,11 +7,12 @@ import tracemalloc
 import pytest
 
 from fuzz_texts import ANNOTATIONS, K
-from fuzzing import SAMPLES, misread, spoilt
+from fuzzing import SAMPLES, misread, spoilt, write_video
 from scene4d.core.errors import InputError
 from scene4d.formats.activities import read_activities
 from scene4d.formats.annotations import annotation_formats
 from scene4d.formats.cameras import camera_formats, read_camera
+from scene4d.video.reader import open_source
 
 SLOW = ("scene", "site", "video", "picture")
 """A read takes milliseconds: fewer of these."""
@@ -32,6 +33,14 @@ def test_a_spoilt_file_is_read_or_refused(tmp_path, name):
         if isinstance(fault, Exception):
             raise fault
         assert fault is None
+
+
+def test_a_video_may_have_a_title_in_any_encoding(tmp_path):
+    path = tmp_path / "a.mkv"
+    write_video(path, "mpeg4", title="Caf#")
+    path.write_bytes(path.read_bytes().replace(b"Caf#", b"Caf\xe9"))
+    with open_source(path) as source:
+        assert source.frame_count == 12
 
 
 def test_every_format_is_here():

@@ -130,7 +130,7 @@ def plays(path: Path) -> bool:
     if path.suffix.lower() not in (".mp4", ".m4v", ".webm"):
         return False
     try:
-        with av.open(str(path)) as container:
+        with av.open(str(path), metadata_errors="replace") as container:
             stream = container.streams.video[0]
             codec = stream.codec_context.name
             return stream.codec_context.pix_fmt == "yuv420p" and codec in _PLAYED

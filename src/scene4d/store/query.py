@@ -7,7 +7,7 @@ time. So a query for one minute never loads a month of a busy camera.
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
@@ -306,7 +306,23 @@ class Scene:
             with self._connection.cursor() as cursor:
                 yield cursor
         except (duckdb.Error, RuntimeError) as error:  # the latter if reading stops midway
-            raise InputError(f"query: {error}") from error
+            self._check_readable(one.folder / part.path for one, part in parts)
+            folders = ", ".join(dict.fromkeys(str(one.folder) for one, _ in parts))
+            raise InputError(f"{folders}: query: {error}") from error
+
+    def _check_readable(self, paths: Iterable[Path]) -> None:
+        """Raise :class:`InputError` naming the first of these parts that is damaged."""
+        import duckdb
+
+        for path in paths:
+            try:
+                with self._connection.cursor() as cursor:
+                    rows = f"SELECT * FROM read_parquet({text_sql(str(path.absolute()))})"
+                    cursor.execute(rows).fetchnumpy()
+            except (duckdb.Error, RuntimeError) as error:
+                raise InputError(
+                    f"{path}: is damaged: {quoted(str(error))}; remove the run and track again"
+                ) from None
 
 
 def _check_select(query: str) -> None:

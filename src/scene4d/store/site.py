@@ -22,6 +22,7 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.placement import Placement
+from scene4d.core.text import prefixed
 from scene4d.core.tracks import Tracks
 from scene4d.store._question import Question, check_range, check_there
 from scene4d.store.fusing import fused
@@ -225,7 +226,14 @@ class Site:
         """The calibration on whose ground the scene's rows are, before the site refined it."""
         one = self.placed(camera)
         path = self.scene(camera).camera_file(one.name)
-        return self.calibration(camera) if path.samefile(one.camera) else Calibration.load(path)
+        try:
+            is_refined = not path.samefile(one.camera)
+        except OSError as error:
+            raise InputError(
+                f"{self.folder}: the calibration of camera {camera!r} cannot be read: "
+                f"{error.strerror}; align again"
+            ) from None
+        return Calibration.load(path) if is_refined else self.calibration(camera)
 
     def _asked_cameras(self, wanted: Sequence[str] | None) -> tuple[str, ...]:
         if wanted is not None:
@@ -307,7 +315,10 @@ def in_site(tracks: Tracks, placement: Placement) -> Tracks:
 def _runs_of(scene: Scene, one: SiteCamera) -> Scene:
     """The runs of a scene that a site holds."""
     there = [run.run for run in scene.runs if run.camera == one.name]
-    check_there(one.runs, there, "run")
+    try:
+        check_there(one.runs, there, "run")
+    except InputError as error:
+        raise prefixed(error, one.scene) from None
     return scene.only(*one.runs)
 
 

@@ -68,7 +68,7 @@ class VideoSource(Source):
 
     def _open(self) -> Any:
         try:
-            return av.open(self.name)
+            return av.open(self.name, metadata_errors="replace")  # titles in any encoding
         except (av.error.FFmpegError, OSError) as error:
             raise InputError(
                 f"{self.name}: is not a video that can be read, or its index is missing because "

@@ -49,7 +49,13 @@ class StreamSource(Source):
         # UDP loses packets of large frames, and damaged frames look like moving objects.
         options = {"rtsp_transport": "tcp"} if url.startswith("rtsp") else {}
         try:
-            self._container = av.open(url, format=form, options=options, timeout=_STREAM_TIMEOUT_S)
+            self._container = av.open(
+                url,
+                format=form,
+                options=options,
+                metadata_errors="replace",
+                timeout=_STREAM_TIMEOUT_S,
+            )
         except (av.error.FFmpegError, OSError) as error:
             raise UnavailableError(
                 f"{self.name}: the stream cannot be opened "

@@ -39,7 +39,7 @@ def is_rotation(R: np.ndarray, tolerance: float = 1e-4) -> bool:
     """Whether ``R`` is a proper 3x3 rotation within ``tolerance`` (Frobenius)."""
     return (
         R.shape == (3, 3)
-        and bool(np.all(np.isfinite(R)))
+        and bool(np.all(np.abs(R) < 1 + tolerance))
         and bool(np.linalg.norm(R @ R.T - np.eye(3)) < tolerance)
         and bool(np.linalg.det(R) > 0)
     )

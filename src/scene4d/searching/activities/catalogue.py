@@ -85,9 +85,9 @@ class _Reader:
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             line = f", line {mark.line + 1}" if mark else ""
-            raise InputError(f"{self._name}{line}: not YAML: {error.problem}") from None
+            raise InputError(f"{self._name}{line}: not YAML: {str(error.problem)[:80]}") from None
         except (yaml.YAMLError, RecursionError) as error:
-            raise InputError(f"{self._name}: not YAML: {error}") from None
+            raise InputError(f"{self._name}: not YAML: {str(error)[:80]}") from None
         if root is None:
             raise InputError(f"{self._name}: is empty, expected activities:")
         top = self._mapping(root, ("activities", "classes"))
