@@ -51,6 +51,8 @@ _MOST_TICKS = 80
 """Ticks of one match that are looked at; of longer ones every second, third, ..."""
 _MOST_MATCHES = 100
 _STEPS = 8
+_SETTLED = 1e-3
+"""Steps below this (m, rad, s) are the last: a fiftieth of what any pair is known to."""
 _PRIOR_MATCHES = 8.0
 """The noise assumed counts as that of so many matches against what they show: so many tell a
 standard deviation to a quarter."""
@@ -183,7 +185,7 @@ def _settled(
         moved = _factor(a, pieces, found, point, epoch, wander_m).alone()[0] - point
         moved[3] = np.clip(moved[3], -0.5, 0.5)
         point = point + moved
-        if np.abs(moved[:POSE]).max() < 1e-4:
+        if np.abs(moved[:POSE]).max() < _SETTLED:
             break
     return point
 
@@ -191,13 +193,14 @@ def _settled(
 def _wander(a: View, pieces: _Pieces, found: list[Match], point: np.ndarray, epoch: float) -> float:
     """The most probable size of what tracks err by for seconds."""
     moments = pieces.moments(found, point, epoch)
-    step, _, own_a, own_b = _differences(a, pieces.view, moments, point, epoch)
+    step, _, own = _differences(a, pieces.view, moments, point, epoch)
     tried = np.array(_WANDERS_M)
     score = -0.5 * (np.log(tried / _WANDER_M) / _WANDER_SPREAD) ** 2
     for rows in _by_match(moments):
         r, facts = step[rows].ravel(), 2.0 * len(rows)
+        spreads = _spreads(own[:, rows], moments.time_s[rows])
         for k, wander_m in enumerate(tried):
-            root = _root(own_a[rows], own_b[rows], moments.time_s[rows], wander_m)
+            root = _root(spreads, wander_m)
             white = solve_triangular(root, r, lower=True, check_finite=False)
             # Student's t over the whole match: a mistaken one says nothing of the others.
             spread = np.log1p(float(white @ white) / _FREEDOM) * (_FREEDOM + facts) / 2
@@ -219,9 +222,9 @@ def _factor(
     information, vector = np.zeros((size, size)), np.zeros(size)
     forces = []
     moments = pieces.moments(found, point, epoch)
-    step, slopes, own_a, own_b = _differences(a, pieces.view, moments, point, epoch)
+    step, slopes, own = _differences(a, pieces.view, moments, point, epoch)
     for rows in _by_match(moments):
-        root = _root(own_a[rows], own_b[rows], moments.time_s[rows], wander_m)
+        root = _root(_spreads(own[:, rows], moments.time_s[rows]), wander_m)
         both = np.column_stack([step[rows].ravel(), slopes[rows].reshape(2 * len(rows), size)])
         flat = solve_triangular(root, both, lower=True, check_finite=False)
         white, by = flat[:, 0], flat[:, 1:]
@@ -252,9 +255,9 @@ def _scatter(factor: Factor, forces: Float[np.ndarray, "m p"]) -> float:
 
 def _differences(
     a: View, b: View, moments: "_Moments", point: np.ndarray, epoch: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Differences (n, 2) of the two cameras' positions, their derivatives by the unknowns, and the
-    covariances of the two.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Differences (n, 2) of the two cameras' positions, their derivatives by the unknowns, and
+    roots (2, n, 2, 2) of the covariances of the two.
 
     What the cameras err by is taken where both put a person together, and not where each does: a
     position's own noise in its mode would let a common scale shrink all differences to nothing.
@@ -280,25 +283,29 @@ def _differences(
     slopes[:, :, 4] = -moving * (moments.time_s - epoch)[:, None]
     slopes[:, :, POSE : POSE + MODES] = modes_a
     slopes[:, :, POSE + MODES :] = -turn @ modes_b
-    own_b = turn @ b.covariance_m2[moments.row_b] @ turn.T
-    return step, slopes, a.covariance_m2[moments.row_a], own_b
+    own = np.stack([a.covariance_m2[moments.row_a], b.covariance_m2[moments.row_b]])
+    own[1] = turn @ own[1] @ turn.T
+    return step, slopes, np.linalg.cholesky(own + 1e-8 * np.eye(2))
 
 
-def _root(
-    own_a: Float[np.ndarray, "n 2 2"],
-    own_b: Float[np.ndarray, "n 2 2"],
-    time_s: np.ndarray,
-    wander_m: float,
-) -> Float[np.ndarray, "2*n 2*n"]:
-    """Cholesky root of the covariance of a match's differences."""
+def _spreads(
+    own: Float[np.ndarray, "2 n 2 2"], time_s: Float[np.ndarray, "n"]
+) -> Float[np.ndarray, "2 2*n 2*n"]:
+    """Covariances of a match's differences: what the rows err by and the noise of every tick, and
+    what wanders, for a wander of one metre.
+    """
     n = len(time_s)
     apart = np.abs(time_s[:, None] - time_s[None])
-    alike, wander = np.exp(-apart / _OWN_S), wander_m**2 * np.exp(-apart / _WANDER_S)
-    full = wander[:, None, :, None] * np.eye(2)[None, :, None, :]
-    for own in (own_a, own_b):
-        root = np.linalg.cholesky(own + 1e-8 * np.eye(2))
-        full = full + alike[:, None, :, None] * np.einsum("iax,kbx->iakb", root, root)
-    flat = full.reshape(2 * n, 2 * n)
-    flat[np.diag_indices(2 * n)] += _JITTER_M**2
-    root_of: np.ndarray = np.linalg.cholesky(flat)
-    return root_of
+    flat = own.reshape(2, 2 * n, 2)
+    of_rows = (flat @ flat.swapaxes(1, 2)).sum(axis=0)
+    found = np.zeros((2, n, 2, n, 2))
+    found[0] = of_rows.reshape(n, 2, n, 2) * np.exp(-apart / _OWN_S)[:, None, :, None]
+    found[0] += _JITTER_M**2 * np.eye(2 * n).reshape(n, 2, n, 2)
+    found[1, :, 0, :, 0] = found[1, :, 1, :, 1] = np.exp(-apart / _WANDER_S)
+    return found.reshape(2, 2 * n, 2 * n)
+
+
+def _root(spreads: Float[np.ndarray, "2 m m"], wander_m: float) -> Float[np.ndarray, "m m"]:
+    """Cholesky root of the covariance of a match's differences."""
+    root: np.ndarray = np.linalg.cholesky(spreads[0] + wander_m**2 * spreads[1])
+    return root

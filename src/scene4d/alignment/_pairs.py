@@ -7,15 +7,14 @@ from jaxtyping import Float
 
 from scene4d.alignment._factor import Factor, Match, factor_of, matches
 from scene4d.alignment._hypotheses import hypotheses
+from scene4d.alignment._options import MAX_OFFSET_S
 from scene4d.alignment._paths import Paths, View
 from scene4d.alignment._score import Crowd, Fit, Meetings, fitted, later
 
-MAX_OFFSET_S = 300.0
-"""Clocks are set to within five minutes of each other, unless it is known better."""
-_COMPARED, _FITTED = 40, 6
+_COMPARED, _FITTED = 24, 6
 """Candidates of the vote that are compared, and of them those that are moved to their best; more
 found nothing new on made worlds."""
-_SCANNED = 6_000
+_SCANNED = 3_000
 """Moments by which candidates are compared before that."""
 _LEAST_SCORE = 10.0
 """Least log-ratio of an alignment: e^10 against the thousands of places that were tried."""
