@@ -272,7 +272,8 @@ def _in_window(window: Window | None, run: Run, events: Iterable[Event]) -> list
 
 def _around(tracks: Tracks, event: Event) -> Tracks:
     time = tracks.time_s
-    return tracks.select((time >= event.begin_s - _AROUND_S) & (time <= event.end_s + _AROUND_S))
+    near = (time >= event.begin_s - _AROUND_S) & (time <= event.end_s + _AROUND_S)
+    return tracks.select(np.flatnonzero(near))
 
 
 def _rank(found: FoundEvent) -> tuple[float, str, float]:

@@ -32,6 +32,7 @@ from scipy.special import ndtr
 
 from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.boxes import covered
+from scene4d.searching.predicates._meeting import expand
 from scene4d.searching.predicates.stage import Stage
 
 # Chosen by hand before any footage was searched with them, except where it is said.
@@ -190,11 +191,17 @@ class Afterwards:
             out[~(tall >= self._smallest_px)] = 0.0
         first_s, last_s = self._span
         out[(time_s < first_s) | (time_s > last_s)] = 0.0
-        for look in np.flatnonzero(out.any(axis=1)):
-            cover = self._boxes_at(time_s[look])[:, None]
-            lower = (cover[..., 3] - box[look, :, 3]) / (_BEFORE_SIGMA * np.maximum(tall[look], 1))
-            hides = ndtr(lower) * ndtr((covered(box[look], cover) - _SEEN_SHARE) / _SEEN_SIGMA)
-            out[look] *= np.nan_to_num(1 - hides).prod(axis=0)
+        looks = np.flatnonzero(out.any(axis=1))
+        low, high = self._at(time_s[looks])
+        looks, low, high = (one[high > low] for one in (looks, low, high))
+        owner, seen = expand(low, high - low)
+        cover = self.stage.tracks.box_xyxy[self._seen[seen]][:, None]
+        hidden, size = box[looks[owner]], np.maximum(tall[looks[owner]], 1)
+        lower = (cover[..., 3] - hidden[..., 3]) / (_BEFORE_SIGMA * size)
+        hides = ndtr(lower) * ndtr((covered(hidden, cover) - _SEEN_SHARE) / _SEEN_SIGMA)
+        if len(looks):
+            first = np.cumsum(high - low) - (high - low)
+            out[looks] *= np.multiply.reduceat(np.nan_to_num(1 - hides), first, axis=0)
         return out
 
     def _upright(self, xy_m: Float[np.ndarray, "s w 2"]) -> Float[np.ndarray, "s w 4"]:
@@ -218,12 +225,13 @@ class Afterwards:
         order: np.ndarray = rows[np.argsort(tracks.time_s[rows], kind="stable")]
         return order
 
-    def _boxes_at(self, time_s: float) -> Float[np.ndarray, "k 4"]:
+    def _at(
+        self, time_s: Float[np.ndarray, " k"]
+    ) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]]:
+        """From which to which of the rows that show a box, by time, belong to some moments."""
         times, reach = self._times, 0.501 * self.stage.step_s
         low = np.searchsorted(times, time_s - reach)
-        high = np.searchsorted(times, time_s + reach, side="right")
-        boxes: np.ndarray = self.stage.tracks.box_xyxy[self._seen[low:high]]
-        return boxes
+        return low, np.searchsorted(times, time_s + reach, side="right")
 
     @cached_property
     def _times(self) -> Float[np.ndarray, "n"]:

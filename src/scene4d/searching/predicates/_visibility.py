@@ -168,7 +168,7 @@ def _end(a: StageRows, b: StageRows | None, last: bool, sigma_s: float) -> np.nd
     within = ndtr((share - _WITHIN_SHARE) / _WITHIN_SIGMA)
     left_to_it = ends.still[track] * (1 - hidden)
     upright = _upright_inside(a, b)
-    posture = upright + (1 - upright) * _posture_ratio(a.stage, ends)[track]
+    posture = upright + (1 - upright) * _posture_ratio(a.stage, ends, track)
     pair, number = np.unique(track * len(ends.row) + other, return_inverse=True)
     moment = ends.time_s[pair // len(ends.row)]
     drives = drives_ratio(b.stage, pair % len(ends.row), np.nan_to_num(moment), last)[number]
@@ -211,21 +211,24 @@ def _upright_inside(a: StageRows, b: StageRows) -> Float[np.ndarray, "m"]:
     return np.where(np.isfinite(stands), stands, boarded.astype(float))
 
 
-def _posture_ratio(stage: Stage, ends: _Ends) -> Float[np.ndarray, "t"]:
-    """How much likelier the heights at the ends are of somebody who gets in; 1 if unknown."""
-    out = np.ones(len(ends.row))
-    track = np.flatnonzero(ends.row >= 0)
-    early, late = stage.window(ends.row[track], _LOOK_S)
+def _posture_ratio(
+    stage: Stage, ends: _Ends, track: Int[np.ndarray, "m"]
+) -> Float[np.ndarray, "m"]:
+    """How much likelier the heights at tracks' ends are of somebody who gets in; 1 if unknown."""
+    own, number = np.unique(track, return_inverse=True)
+    there = np.flatnonzero(ends.row[own] >= 0)
+    early, late = stage.window(ends.row[own[there]], _LOOK_S)
     owner, rows = expand(early, late - early + 1)
     stoops = stooping(stage.rows(rows))
     known = np.isfinite(stoops)
-    count = np.bincount(owner[known], minlength=len(track))
-    total = np.bincount(owner[known], stoops[known], len(track))
+    count = np.bincount(owner[known], minlength=len(there))
+    total = np.bincount(owner[known], stoops[known], len(there))
     mean = total[count > 0] / count[count > 0]
-    out[track[count > 0]] = (_STOOPS_IN * mean + (1 - _STOOPS_IN) * (1 - mean)) / (
+    out = np.ones(len(own))
+    out[there[count > 0]] = (_STOOPS_IN * mean + (1 - _STOOPS_IN) * (1 - mean)) / (
         _STOOPS_ELSE * mean + (1 - _STOOPS_ELSE) * (1 - mean)
     )
-    return out
+    return out[number]
 
 
 def _ends(stage: Stage, last: bool) -> _Ends:
