@@ -1,7 +1,7 @@
 """``search``: every event that words ask for, in all runs of a scene, best first."""
 
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -24,14 +24,15 @@ from scene4d.searching._asking import (
 from scene4d.searching._places import Places
 from scene4d.searching._spots import Memory
 from scene4d.searching.activities._events import Event
-from scene4d.searching.activities._terms import places_of
+from scene4d.searching.activities._terms import lag_of, places_of
 from scene4d.searching.activities.course import course_of
+from scene4d.searching.activities.definition import Activity
 from scene4d.searching.activities.search import judge
 from scene4d.searching.language import Window
 from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.searching.predicates.stage import Stage
 from scene4d.searching.result import FoundEvent, SearchResult
-from scene4d.searching.stages import STEP_S, kept_moments, stage_of, thinned
+from scene4d.searching.stages import STEP_S, kept_moments, stage_of
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
 from scene4d.store.site import Site
@@ -41,6 +42,8 @@ _Place = str | os.PathLike[str] | Scene | Site
 _AROUND_S = 4.0
 """Rows this long before and after an event are kept to show it; chosen by hand: long enough to see
 where somebody came from."""
+_DRAWN = ("velocity", "heading", "box")
+"""Columns of these."""
 
 
 def search(
@@ -103,8 +106,8 @@ def answer(asked: Asked, progress: Progress) -> SearchResult:
 class _Reader:
     """Reads runs as stages; the last one is kept, in case that the same is asked for again."""
 
-    def __init__(self, result: SearchResult) -> None:
-        self._result = result
+    def __init__(self, result: SearchResult, also: Collection[str] = ()) -> None:
+        self._result, self._also = result, also
         self._calibrations: dict[str, Calibration] = {}
         self._last: tuple[Run, Stage] | None = None
 
@@ -117,7 +120,7 @@ class _Reader:
                 known = Calibration.load(asked.scene.camera_file(run.camera))
                 self._calibrations[run.camera] = known
             with timed(self._result.timings, "load"):
-                stage = staged_run(asked, run, self._calibrations[run.camera])
+                stage = staged_run(asked, run, self._calibrations[run.camera], self._also)
             self._last = run, stage
         memory = self._result.memory
         return self._last[1] if memory is None else memory.seen_from(self._last[1], run)
@@ -140,13 +143,17 @@ def _memory(
 
 
 def explained(result: SearchResult) -> None:
-    """Give each event that is shown its predicates over time; the runs of these are read again."""
-    asked, reader = result.asked, _Reader(result)
+    """Give each event that is shown its predicates over time, and who was about; the runs of these
+    are read again.
+    """
+    asked, reader = result.asked, _Reader(result, also=_DRAWN)
     shown = [n for n, found in enumerate(result.shown) if found.course is None]
     for number in sorted(shown, key=lambda n: result.events[n].run.run):
         found = result.events[number]
-        course = course_of(reader(found.run), asked.query.activity, found.event)
-        result.events[number] = replace(found, course=course)
+        stage = reader(found.run)
+        course = course_of(stage, asked.query.activity, found.event)
+        around = _around(stage.tracks, found.event)
+        result.events[number] = replace(found, course=course, around=around)
 
 
 def _runs(asked: Asked) -> list[Run]:
@@ -198,19 +205,18 @@ def _seeing(asked: Asked) -> list[str]:
     return seeing
 
 
-def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Stage:
+def staged_run(
+    asked: Asked, run: Run, calibration: Calibration, also: Collection[str] = ()
+) -> Stage:
     """One run as a stage; raises as :meth:`Scene.sql` and :func:`stage_of`.
 
-    Without keypoints and sizes unless a predicate looks at them: a day's rows are mostly keypoints
-    and covariances, and reading these takes several times as long as the search itself. Tracks of
+    Without columns that no predicate looks at, beside ``also``: reading a day's rows, which are
+    mostly keypoints and covariances, takes several times as long as the search itself. Tracks of
     annotations, where one object may have several, are united.
     """
-    alone = asked.scene.only(run.run)
-    used = [PREDICATES[term.predicate] for term in asked.query.activity.every_term]
-    if any(one.keypoints for one in used):
-        tracks, step_s = thinned(alone.tracks(), STEP_S)
-    else:
-        tracks, step_s = lean_tracks(alone, STEP_S, sizes=any(one.sizes for one in used))
+    everybody = "annotations" not in run.provenance
+    groups = _groups(asked.query.activity) | set(also) | (set() if everybody else {"box"})
+    tracks, step_s = lean_tracks(asked.scene.only(run.run), STEP_S, groups)
     places: Places = asked.places
     stage = stage_of(
         tracks,
@@ -218,19 +224,27 @@ def staged_run(asked: Asked, run: Run, calibration: Calibration) -> Stage:
         step_s=step_s,
         zones=places.of(run.camera, "zone"),
         lines=places.of(run.camera, "line"),
-        everybody="annotations" not in run.provenance,
+        everybody=everybody,
         watched=_watched_all(asked, run),
     )
-    if not stage.everybody:
+    if not everybody:
         from scene4d.searching.activities.identity import unite_tracks  # SciPy's graphs load slowly
 
         stage = unite_tracks(stage)
     return stage
 
 
-def lean_tracks(scene: Scene, step_s: float, *, sizes: bool = False) -> tuple[Tracks, float]:
-    """Rows of a scene without keypoints, :func:`thinned` and ordered by (track, time), and the time
-    between them; with ``sizes`` where they are asked for.
+def _groups(activity: Activity) -> set[str]:
+    """The groups of columns that a search for an activity looks at."""
+    terms = activity.every_term
+    # Who was somewhere at any earlier time is compared where it stood.
+    stood = {"velocity"} if any(np.isinf(lag_of(term)) for term in terms) else set()
+    return stood.union(*(PREDICATES[term.predicate].reads for term in terms))
+
+
+def lean_tracks(scene: Scene, step_s: float, groups: Collection[str]) -> tuple[Tracks, float]:
+    """Rows of a scene with some groups of columns, :func:`thinned` and ordered by (track, time),
+    and the time between them.
     """
     step = step_s
 
@@ -240,7 +254,7 @@ def lean_tracks(scene: Scene, step_s: float, *, sizes: bool = False) -> tuple[Tr
         order: np.ndarray = np.lexsort((time_s, track))
         return order if kept is None else order[kept[order]]
 
-    tracks = scene.lean_tracks(choose, sizes=sizes)
+    tracks = scene.lean_tracks(choose, groups)
     return tracks, step
 
 
@@ -257,11 +271,8 @@ def _search_run(result: SearchResult, stage: Stage, run: Run) -> None:
     spots = [()] * len(events) if memory is None else memory.found(stage, events)
     for number, event in enumerate(events):
         begin, end = stage.frame_at(event.begin_s), stage.frame_at(event.end_s)
-        around = _around(stage.tracks, event) if number < asked.options.top else None
-        result.events.append(FoundEvent(event, run, begin, end, around, spots=spots[number]))
+        result.events.append(FoundEvent(event, run, begin, end, spots=spots[number]))
     result.events.sort(key=_rank)
-    top = asked.options.top
-    result.events[top:] = [replace(one, around=None) for one in result.events[top:]]
 
 
 def _in_window(window: Window | None, run: Run, events: Iterable[Event]) -> list[Event]:

@@ -74,7 +74,6 @@ class Memory:
 
     def seen_from(self, stage: Stage, run: Run) -> Stage:
         """The stage of a run with the spots that share its ground and clock."""
-        times = stage.tracks.time_s
         spots = {}
         for spot in self._activity.spots:
             table = self._tables[spot.name]
@@ -85,7 +84,7 @@ class Memory:
                 spot.when,
                 run=self._number[run.run],
                 start_s=_start_s(run),
-                span_s=(float(times.min()), float(times.max())) if len(times) else (0.0, 0.0),
+                span_s=stage.span_s,
                 factor=stage.camera_factor,
             )
         return replace(stage, spots=spots)

@@ -35,8 +35,8 @@ _KPF = (".geom.yml", ".types.yml")
 class FoundEvent:
     """An event, the run that it is in, and its first and last frame.
 
-    ``around`` are the rows of all tracks at about that time, at the search rate, None for events
-    that are not shown. ``course`` holds its predicates over time, once they were asked for
+    ``around`` are the rows of all tracks at about that time, at the search rate, and ``course`` its
+    predicates over time, of events that are shown and once they were asked for
     (:meth:`SearchResult.explain`). ``spots`` are where others were whom the search speaks of.
     ``across`` is what a site adds: who each role is in it, the cameras that saw the event, and its
     time on the site's clock.
@@ -126,8 +126,8 @@ class SearchResult:
     memory: Memory | None = None
 
     def explain(self) -> None:
-        """Look up the predicates over time (:attr:`FoundEvent.course`) of the events shown; reads
-        their runs again. Raises as :func:`search`.
+        """Look up the predicates over time (:attr:`FoundEvent.course`) of the events shown, and who
+        was around them; reads their runs again. Raises as :func:`search`.
         """
         from scene4d.searching._entry import explained
 
@@ -203,6 +203,7 @@ class SearchResult:
         """The best events as a table, and a plan of the best one."""
         from scene4d.searching.pages._plan import plan_svg, role_colours
 
+        self.explain()
         roles = [role.name for role in self.asked.query.activity.roles]
         head = "<th>score</th><th>probability</th><th>when</th><th>camera</th>" + "".join(
             f'<th><span style="color:{colour}">&#9632;</span> {escape(role)}</th>'

@@ -7,7 +7,7 @@ time. So a query for one minute never loads a month of a busy camera.
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime
@@ -37,8 +37,22 @@ from scene4d.store._question import (
     text_sql,
     with_nan,
 )
-from scene4d.store.runs import Part, Run, camera_identity, camera_path, complete_runs
-from scene4d.store.schema import COLUMN_NAMES, COLUMNS, KEYPOINT_COLUMNS, RUN_TRACKS, from_table
+from scene4d.store.runs import (
+    Part,
+    Run,
+    camera_identity,
+    camera_path,
+    complete_runs,
+    manifest_path,
+)
+from scene4d.store.schema import (
+    COLUMN_NAMES,
+    COLUMNS,
+    GROUPS,
+    KEYPOINT_COLUMNS,
+    RUN_TRACKS,
+    from_table,
+)
 
 _ALONE: dict[str, Any] = {
     # Otherwise DuckDB downloads extensions that a query seems to need, and reads Python variables.
@@ -51,15 +65,7 @@ _MOST_SHOWN = 4000
 """Positions in a notebook's plan; more cannot be distinguished."""
 _Choice = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Takes track and time of every row, returns the numbers of the rows wanted."""
-_LEFT_OUT = {
-    *("camera", "time", "class", "score", "shared_xx", "shared_xy", "shared_yy"),
-    *("z_m", "z_sigma_m"),
-    *KEYPOINT_COLUMNS,
-}
-_SIZES = {
-    *("length_m", "width_m", "height_m"),
-    *("length_sigma_m", "width_sigma_m", "height_sigma_m"),
-}
+_LEAN = ("track", "time_s", "frame", "observed", "x_m", "y_m", "var_xx", "var_xy", "var_yy")
 
 
 class Scene:
@@ -206,14 +212,14 @@ class Scene:
         plans = [plan_svg(self.paths(one, _MOST_SHOWN).values()) for one in self.cameras[:1]]
         return beside(said, "".join(plans))
 
-    def lean_tracks(self, choose: _Choice, *, sizes: bool = False) -> Tracks:
-        """All tracks without keypoints, scores and shared covariances, which take most memory and
-        time, and without ``sizes`` where they are not asked for. Only the rows that
-        ``choose(track, time_s)`` returns, in its order.
+    def lean_tracks(self, choose: _Choice, groups: Collection[str]) -> Tracks:
+        """All tracks with times and positions, and of the other columns only some
+        :data:`~scene4d.store.schema.GROUPS`: most memory and time goes into those. Only the rows
+        that ``choose(track, time_s)`` returns, in its order.
         """
-        left_out = _LEFT_OUT if sizes else _LEFT_OUT | _SIZES
+        wanted = {*_LEAN, *(name for group in groups for name in GROUPS[group])}
         kinds = " ".join(f"WHEN {text_sql(name)} THEN {code}" for code, name in enumerate(CLASSES))
-        names = [with_nan(column) for column in COLUMNS if column.name not in left_out]
+        names = [with_nan(column) for column in COLUMNS if column.name in wanted]
         table = self.sql(
             f"SELECT {', '.join(names)}, (CASE class {kinds} END)::TINYINT AS class FROM scene"
         )
@@ -298,9 +304,12 @@ class Scene:
     def _asking(self, parts: Sequence[tuple[Stored, Part]]) -> Iterator[Any]:
         import duckdb
 
+        written_ns: dict[Path, int] = {}
         for one, part in parts:
-            path = one.folder / part.path
-            _check_part(path, one.run, part, known=path in self._verified)
+            manifest, path = manifest_path(one.folder, one.run.run), one.folder / part.path
+            if manifest not in written_ns:
+                written_ns[manifest] = _written_ns(manifest)
+            _check_part(path, one.run, part, written_ns[manifest], known=path in self._verified)
             self._verified.add(path)
         try:
             with self._connection.cursor() as cursor:
@@ -357,14 +366,23 @@ def _check_cameras(stored: Sequence[Stored]) -> None:
             )
 
 
-def _check_part(path: Path, run: Run, part: Part, *, known: bool) -> None:
-    """Raise :class:`InputError` if a part is missing, unreadable or changed; its content is
-    checked only if it is not ``known`` to be right.
+def _written_ns(manifest: Path) -> int:
+    """When a manifest was written; 0 if that is not known."""
+    try:
+        return manifest.stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
+def _check_part(path: Path, run: Run, part: Part, written_ns: int, *, known: bool) -> None:
+    """Raise :class:`InputError` if a part is missing, unreadable or changed. Its content is checked
+    unless it is ``known`` to be right, or older than the manifest, which is written after it.
     """
     try:
-        found = path.stat().st_size
-        digest = part.sha256
-        if not known and found == part.bytes and digest is not None:
+        there = path.stat()
+        found, digest = there.st_size, part.sha256
+        older = there.st_mtime_ns < written_ns
+        if not (known or older) and found == part.bytes and digest is not None:
             with path.open("rb") as file:
                 digest = hashlib.file_digest(file, "sha256").hexdigest()
     except FileNotFoundError as error:

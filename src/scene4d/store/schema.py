@@ -6,6 +6,7 @@ float64, keypoints as float32, which resolves 0.0003 pixels in an image 4096 wid
 """
 
 import io
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -87,6 +88,18 @@ is the height of the ground under it, so that its centroid is at ``z_m + height_
 come last and can be null: runs written without them are read as if they were null."""
 COLUMN_NAMES: tuple[str, ...] = tuple(column.name for column in COLUMNS)
 KEYPOINT_COLUMNS: tuple[str, ...] = ("keypoint_u", "keypoint_v", "keypoint_score")
+GROUPS: Mapping[str, tuple[str, ...]] = {
+    "velocity": ("vx_mps", "vy_mps", "var_vxx", "var_vxy", "var_vyy"),
+    "heading": ("heading_rad", "heading_sigma_rad"),
+    "box": ("x1", "y1", "x2", "y2"),
+    "size": (
+        *("length_m", "width_m", "height_m"),
+        *("length_sigma_m", "width_sigma_m", "height_sigma_m"),
+    ),
+    "keypoint": KEYPOINT_COLUMNS,
+}
+"""Columns that belong together, under what the names of their fields in :class:`Tracks` begin
+with."""
 
 
 def _arrow_type(column: Column) -> DataType:
@@ -188,7 +201,7 @@ def from_table(table: Table, rows: Int[np.ndarray, "m"] | None = None) -> Tracks
     """Tracks from Arrow columns in which null is already replaced by NaN, and no list is null: of
     the given rows in their order, or of all.
 
-    Columns missing from the table (shared covariances, scores, keypoints) are unknown. ``class``
+    Columns missing from the table (but times and positions) are unknown. ``class``
     may be the index in :data:`CLASSES`. A row without keypoints gets NaN for their positions and 0
     for their scores; covariances are symmetric. Raises :class:`InputError` if rows have different
     skeletons.
@@ -226,8 +239,8 @@ def from_table(table: Table, rows: Int[np.ndarray, "m"] | None = None) -> Tracks
         shared_covariance_m2=matrices("shared_"),
         velocity_mps=columns("vx_mps", "vy_mps"),
         velocity_covariance=matrices("var_v"),
-        heading_rad=column("heading_rad"),
-        heading_sigma_rad=column("heading_sigma_rad"),
+        heading_rad=columns("heading_rad")[:, 0],
+        heading_sigma_rad=columns("heading_sigma_rad")[:, 0],
         box_xyxy=columns("x1", "y1", "x2", "y2"),
         keypoint_uv=np.stack([u, v], axis=-1),
         keypoint_score=keypoint_score,

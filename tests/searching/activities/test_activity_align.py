@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scene4d.searching.activities._compose import (
+    FLOOR,
     MOST_GAIN,
     STRETCH,
     Aligned,
@@ -17,7 +18,6 @@ from scene4d.searching.activities._compose import (
     odds,
     window_max,
 )
-from scene4d.searching.activities._evidence import FLOOR
 from scene4d.searching.activities._related import align_related
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
 from scene4d.searching.predicates._meeting import expand, runs

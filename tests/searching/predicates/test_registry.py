@@ -2,6 +2,7 @@
 
 import inspect
 from dataclasses import fields, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from predicate_stages import Path, rows_of, stage_of, with_spots
 from scene4d.core.camera import Camera
 from scene4d.core.tracks import Tracks
 from scene4d.searching.predicates._registry import PREDICATES
+from scene4d.store.schema import GROUPS
 
 NAMES = {
     "near", "far", "moving", "stationary", "moving_towards", "moving_away", "following",
@@ -112,20 +114,21 @@ def test_every_predicate_is_a_probability_or_unknown_of_its_own_row(some, data):
         np.testing.assert_allclose(again, found[order], atol=1e-12, err_msg=predicate.name)
 
 
-class _WithoutBodies(Tracks):
-    """Tracks of which nobody may ask for keypoints, once they are ``guarded``."""
+class _Watched(Tracks):
+    """Tracks that note of which groups of columns somebody asked, once they are ``watched``."""
 
-    guarded = False
+    asked: ClassVar[set[str] | None] = None
 
     def __getattribute__(self, name):
-        if name.startswith("keypoint") and type(self).guarded:
-            raise AssertionError("looks at keypoints")
+        asked, group = type(self).asked, name.split("_")[0]
+        if asked is not None and group in GROUPS:
+            asked.add(group)
         return super().__getattribute__(name)
 
 
 @pytest.mark.parametrize("name", sorted(NAMES))
-def test_a_predicate_that_looks_at_keypoints_says_so(name, monkeypatch):
-    """A search reads no keypoints unless one is declared to need them: it would be NaN for ever."""
+def test_a_predicate_says_which_columns_it_looks_at(name, monkeypatch):
+    """A search reads no others: what they say would be unknown for ever."""
     n = 6
     path = Path(
         np.arange(n) * 0.2,
@@ -136,18 +139,17 @@ def test_a_predicate_that_looks_at_keypoints_says_so(name, monkeypatch):
         keypoint_uv=np.full((n, 26, 2), 20.0),
     )
     world = stage_of(path, path, zones={"yard": SQUARE}, lines={"gate": SQUARE})
-    world = with_spots(world, "was", np.random.default_rng(0))
+    world = replace(with_spots(world, "was", np.random.default_rng(0)), camera=CAMERA)
     columns = {f.name: getattr(world.tracks, f.name) for f in fields(world.tracks)}
-    world = replace(world, tracks=_WithoutBodies(**columns))
-    monkeypatch.setattr(_WithoutBodies, "guarded", True)
+    world = replace(world, tracks=_Watched(**columns))
+    monkeypatch.setattr(_Watched, "asked", set())
     predicate = PREDICATES[name]
-    more = {key: GIVEN[p.unit] for key, p in predicate.parameters.items() if p.required}
+    needed = {key: GIVEN[p.unit] for key, p in predicate.parameters.items() if p.required}
     roles = [rows_of(world, track) for track in (1, 2, 1)][: predicate.arity]
-    if predicate.keypoints:
-        with pytest.raises(AssertionError, match="looks at keypoints"):
-            predicate.function(*roles, **more)
-    else:
-        predicate.function(*roles, **more)
+    predicate.function(*roles, **needed)
+    if name == "facing":  # a side depends on the size, a glance does not
+        predicate.function(*roles, side="front")
+    assert predicate.reads == _Watched.asked
 
 
 def test_of_no_rows_come_no_values():

@@ -27,7 +27,7 @@ ENDS = {disappears: -1, appears: 0, disappears_into: -1, appears_from: 0}
 def no_posture():
     """Boxes alone: neither posture nor, without a camera, what followed says anything."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_visibility, "_posture_ratio", lambda stage, ends: np.ones(len(ends.row)))
+        patch.setattr(_visibility, "_posture_ratio", lambda _, __, track: np.ones(len(track)))
         yield
 
 

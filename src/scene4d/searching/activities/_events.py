@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from scene4d.searching.activities._compose import Aligned
 from scene4d.searching.activities._evidence import Evidence, at_least_text, phase_value
@@ -81,8 +81,9 @@ def found_event(
     who = casts.tracks[cast]
     numbers = stage.tracks.track[stage.first_row]
     base = next(rows for view, rows in casts.rows.items() if view[1] == 0)
-    begin_s, end_s = _span_s(activity, aligned, stage.tracks.time_s, base)
-    time_s = stage.tracks.time_s[base]
+    ends = np.array([*aligned.whole, (aligned.begin, aligned.end)])
+    ends_s = stage.tracks.time_s[base[ends]]
+    begin_s, end_s = _span_s(activity, aligned, ends_s[-1], stage.span_s)
     event = Event(
         activity.name,
         score,
@@ -91,7 +92,7 @@ def found_event(
         end_s,
         {role.name: int(numbers[at]) for role, at in zip(activity.roles, who, strict=True)},
         why,
-        tuple((float(time_s[first]), float(time_s[last])) for first, last in aligned.whole),
+        tuple((float(first_s), float(last_s)) for first_s, last_s in ends_s[:-1]),
     )
     place = stage.tracks.xy_m[base[aligned.core[-1][1]]]
     return Found(event, int(who[0]), tuple(int(at) for at in who[1:]), place)
@@ -100,16 +101,18 @@ def found_event(
 def _span_s(
     activity: Activity,
     aligned: Aligned,
-    time_s: Float[np.ndarray, "n"],
-    base: Int[np.ndarray, "m"],
+    seen_s: Float[np.ndarray, "2"],
+    within_s: tuple[float, float],
 ) -> tuple[float, float]:
-    """Begin and end of an event, with what is not seen of its first and its last phase."""
+    """Begin and end of an event that is seen from when to when, with what is not seen of its first
+    and its last phase, as far as the footage goes.
+    """
     before, after = 0.0, 0.0
     for phase, (first, last) in zip(activity.phases, aligned.whole, strict=True):
         before = max(before, phase.unseen_s[0] if first == aligned.begin else 0.0)
         after = max(after, phase.unseen_s[1] if last == aligned.end else 0.0)
-    begin_s, end_s = time_s[base[aligned.begin]] - before, time_s[base[aligned.end]] + after
-    return float(max(begin_s, time_s.min())), float(min(end_s, time_s.max()))
+    begin_s, end_s = seen_s[0] - before, seen_s[1] + after
+    return float(max(begin_s, within_s[0])), float(min(end_s, within_s[1]))
 
 
 def one_per_occurrence(

@@ -1,12 +1,13 @@
 """The probability of every phase at every moment of every cast, and no more than is needed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from scene4d.searching.activities._casting import Casts, View, views_of
+from scene4d.searching.activities._compose import FLOOR, Span, Timeline, cores
 from scene4d.searching.activities._terms import arguments
 from scene4d.searching.activities.definition import Activity, Role, Term
 from scene4d.searching.predicates._crowd import at_least
@@ -14,14 +15,10 @@ from scene4d.searching.predicates._meeting import expand, runs
 from scene4d.searching.predicates._registry import Predicate
 from scene4d.searching.predicates.stage import Stage
 
-FLOOR = 0.01
-"""A statement that is denied for one moment may be a slip of the tracker: no moment counts less.
-Chosen by hand; half and twice of it change the mean average precision on the tuning cameras by at
-most 0.001 (benchmarks/search_constants.py)."""
 _UNJUDGED = 0.5
 """Where a predicate cannot be judged (NaN), nothing is known: the statement is a coin toss."""
-_ROUNDING = 1e-9
-"""Sums of logarithms are off by less: a score that just reaches the least one does reach it."""
+_ROUNDING = 1e-6
+"""Sums of logarithms over a whole day are off by less: what just reaches the least score does."""
 _UNLIKELY = 0.01
 """Who does as is said with less probability is not counted among several; chosen by hand."""
 _BLOCK = 1 << 17
@@ -55,21 +52,26 @@ def gather(
 ) -> Evidence:
     """The evidence for the casts that can still reach ``least_score``.
 
-    A phase is never more probable than its best moment. So terms are judged one after the other,
-    those of one role first, and casts whose best moments multiply to less are dropped; no event of
-    ``least_score`` or more is lost. Where several play a role all casts are kept to count them, and
-    the probability that enough others do as this one does is one more factor of each phase.
+    A phase is never more probable than its best core. So terms are judged one after the other,
+    those of one role first, and casts whose best cores multiply to less are dropped; no event of
+    ``least_score`` or more is lost, and with 0 no cast is dropped. Where several play a role all
+    casts are kept to count them, and the probability that enough others do as this one does is one
+    more factor of each phase.
     """
     judged: dict[_Statement, np.ndarray] = {}
     log_p = np.zeros((len(activity.phases), len(casts)))
     unjudged = np.zeros(log_p.shape)
+    spans = [Span.of(phase, stage.step_s) for phase in activity.phases]
+    drops = least_score > 0 and not played_by_several(activity)
     for statement, uses in _statements(activity):
         values = judged[statement] = _judge(stage, casts, statement, predicates)
         for phase, negated in uses:
             log_p[phase] += _log_probability(values, negated)
             unjudged[phase] += np.isnan(values)
-        alive = _alive(log_p, casts.first, least_score)
-        if not alive.all() and not played_by_several(activity):
+        if not drops:
+            continue
+        alive = _alive(_best_cores(log_p, casts, spans), least_score)
+        if not alive.all():
             keep = np.repeat(alive, casts.count)
             casts, log_p, unjudged = casts.only(alive), log_p[:, keep], unjudged[:, keep]
             judged = {key: value[keep] for key, value in judged.items()}
@@ -161,7 +163,8 @@ def promising(
     least_score: float,
 ) -> Int[np.ndarray, "m"]:
     """The rows of those tracks that can reach ``least_score`` by what is said of their role alone:
-    as :func:`gather`, before any casts are made.
+    as :func:`gather`, before any casts are made. Of which moments a cast consists is not known yet:
+    here a phase is never more probable than its best moment.
     """
     first = np.flatnonzero(np.diff(stage.track_of_row[rows], prepend=-1))
     alone = Casts(
@@ -173,17 +176,26 @@ def promising(
             values = _judge(stage, alone, statement, predicates)
             for phase, negated in uses:
                 log_p[phase] += _log_probability(values, negated)
-    return rows[np.repeat(_alive(log_p, first, least_score), alone.count)]
+    best = np.maximum.reduceat(log_p, first, axis=1) if len(first) else log_p
+    return rows[np.repeat(_alive(best, least_score), alone.count)]
 
 
-def _alive(
-    log_p: Float[np.ndarray, "k n"], first: Int[np.ndarray, "d"], least_score: float
-) -> np.ndarray:
-    """Casts of which the best moments of all phases multiply to the least score, or more."""
-    if len(first) == 0:
-        return np.zeros(0, bool)
-    best = np.maximum.reduceat(log_p, first, axis=1).sum(axis=0)
-    return np.asarray(best >= np.log(least_score) - _ROUNDING)
+def _best_cores(
+    log_p: Float[np.ndarray, "k n"], casts: Casts, spans: Sequence[Span]
+) -> Float[np.ndarray, "k d"]:
+    """Log probability of the best core of each phase, of each cast."""
+    if len(casts.first) == 0:
+        return np.zeros((len(spans), 0))
+    moments = Timeline(casts.tick, casts.first)
+    value = np.stack(
+        [cores(moments, p, span.shortest)[1] for p, span in zip(log_p, spans, strict=True)]
+    )
+    return np.maximum.reduceat(value, casts.first, axis=1)
+
+
+def _alive(best: Float[np.ndarray, "k d"], least_score: float) -> Bool[np.ndarray, "d"]:
+    """Casts of which the best values of all phases multiply to the least score, or more."""
+    return np.asarray(best.sum(axis=0) >= np.log(least_score) - _ROUNDING)
 
 
 def _negated(values: Float[np.ndarray, "n"], negated: bool) -> Float[np.ndarray, "n"]:

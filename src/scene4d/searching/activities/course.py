@@ -53,7 +53,7 @@ def course_of(
     casts = cast(stage, activity, rows, predicates)
     if len(casts) == 0:
         return None
-    evidence = gather(stage, activity, casts, predicates, float(np.finfo(float).tiny))
+    evidence = gather(stage, activity, casts, predicates, 0.0)
     base = next(rows for view, rows in casts.rows.items() if view[1] == 0)
     values = {
         f"{phase.name}: {term_text(term)}": own_values

@@ -166,18 +166,13 @@ class Afterwards:
         away = tracks.xy_m[rows][:, None] - tracks.xy_m[begins]
         bell = np.exp(-(away**2).sum(axis=-1) / (2 * _AROUND_M**2)) / (2 * np.pi * _AROUND_M**2)
         about = np.where(rows[:, None] == begins, 0.0, np.nan_to_num(bell)).sum(axis=1)
-        return np.asarray((1 / self._area_m2 + about) / max(np.diff(self._span)[0], 1.0))
+        return np.asarray((1 / self._area_m2 + about) / max(np.diff(self.stage.span_s)[0], 1.0))
 
     @cached_property
     def _area_m2(self) -> float:
         xy = self.stage.tracks.xy_m
         known = xy[np.isfinite(xy).all(axis=1)]
         return 4 * np.pi * np.sqrt(max(float(np.linalg.det(np.cov(known.T))), 1.0))
-
-    @cached_property
-    def _span(self) -> tuple[float, float]:
-        times = self.stage.tracks.time_s
-        return float(times.min()), float(times.max())
 
     def _visible(
         self, xy_m: Float[np.ndarray, "s w 2"], time_s: Float[np.ndarray, " s"]
@@ -189,7 +184,7 @@ class Afterwards:
         out = ndtr((covered(box, frame) - _SEEN_SHARE) / _SEEN_SIGMA)
         with np.errstate(invalid="ignore"):
             out[~(tall >= self._smallest_px)] = 0.0
-        first_s, last_s = self._span
+        first_s, last_s = self.stage.span_s
         out[(time_s < first_s) | (time_s > last_s)] = 0.0
         looks = np.flatnonzero(out.any(axis=1))
         low, high = self._at(time_s[looks])

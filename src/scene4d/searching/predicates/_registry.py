@@ -69,19 +69,18 @@ class Predicate:
     """``function(a, **parameters)``, or with b, or b and c, of :class:`StageRows`: a
     probability per row, NaN where it cannot be judged.
 
-    ``keypoints`` says that it looks at the body's keypoints, and ``sizes`` at lengths and heights,
-    which are read from a scene only where a predicate needs them. ``holds`` says where a predicate
-    of two roles may hold: "within" the distance ``tau_m`` (± ``sigma_m``), or "beyond" it, or None
-    for any distance; ``tau_m`` may count from an outline, up to ``outline_m`` from the middle. In a
-    ``symmetric`` one the roles may be swapped.
+    ``reads`` are the groups of columns (:data:`.schema.GROUPS`) that it looks at beside times and
+    positions: they are read from a scene only where a predicate needs them. ``holds`` says where a
+    predicate of two roles may hold: "within" the distance ``tau_m`` (± ``sigma_m``), or "beyond"
+    it, or None for any distance; ``tau_m`` may count from an outline, up to ``outline_m`` from the
+    middle. In a ``symmetric`` one the roles may be swapped.
     """
 
     name: str
     arity: int
     parameters: Mapping[str, Parameter]
     function: _Function
-    keypoints: bool = False
-    sizes: bool = False
+    reads: frozenset[str] = frozenset()
     holds: Literal["within", "beyond"] | None = None
     symmetric: bool = False
     outline_m: float = 0.0
@@ -109,8 +108,8 @@ _RANGES: dict[str, tuple[str, float, float]] = {
 """Unit and range of a parameter follow from its name. Ranges only keep out what cannot be meant."""
 
 
-def _predicate(function: _Function, **facts: Any) -> Predicate:
-    """A predicate with the parameters of its function's signature."""
+def _predicate(function: _Function, *reads: str, **facts: Any) -> Predicate:
+    """A predicate with the parameters of its function's signature, and what it reads."""
     signature = inspect.signature(function).parameters.values()
     arity = sum(p.kind is p.POSITIONAL_OR_KEYWORD for p in signature)
     parameters = {}
@@ -119,48 +118,50 @@ def _predicate(function: _Function, **facts: Any) -> Predicate:
             unit, low, high = _RANGES[p.name]
             default = None if p.default is p.empty else p.default
             parameters[p.name] = Parameter(p.name, default, unit, low, high)
-    return Predicate(function.__name__, arity, MappingProxyType(parameters), function, **facts)
+    return Predicate(
+        function.__name__, arity, MappingProxyType(parameters), function, frozenset(reads), **facts
+    )
 
 
 _ALL = (
     _predicate(near, holds="within", symmetric=True),
     _predicate(far, holds="beyond", symmetric=True),
     _predicate(same_place, holds="within", symmetric=True),
-    _predicate(beside, holds="within", outline_m=8.0, sizes=True),
+    _predicate(beside, "heading", "size", holds="within", outline_m=8.0),
     _predicate(between),
     _predicate(near_spot),
     _predicate(alone),
     _predicate(present),
-    _predicate(moving),
-    _predicate(stationary),
+    _predicate(moving, "velocity"),
+    _predicate(stationary, "velocity"),
     _predicate(staying),
     _predicate(arrived),
     _predicate(departs),
-    _predicate(speed_above),
-    _predicate(speed_below),
-    _predicate(moving_towards),
-    _predicate(moving_away),
-    _predicate(following, holds="within"),
-    _predicate(together, holds="within", symmetric=True),
-    _predicate(facing, sizes=True),
-    _predicate(turning_left),
-    _predicate(turning_right),
-    _predicate(u_turning),
-    _predicate(reversing),
-    _predicate(appears),
-    _predicate(appears_from, sizes=True),
-    _predicate(disappears),
-    _predicate(disappears_into, sizes=True),
-    _predicate(at_entrance),
+    _predicate(speed_above, "velocity"),
+    _predicate(speed_below, "velocity"),
+    _predicate(moving_towards, "velocity"),
+    _predicate(moving_away, "velocity"),
+    _predicate(following, "velocity", holds="within"),
+    _predicate(together, "velocity", holds="within", symmetric=True),
+    _predicate(facing, "heading", "size"),
+    _predicate(turning_left, "velocity"),
+    _predicate(turning_right, "velocity"),
+    _predicate(u_turning, "velocity"),
+    _predicate(reversing, "velocity", "heading"),
+    _predicate(appears, "box"),
+    _predicate(appears_from, "box", "size"),
+    _predicate(disappears, "box"),
+    _predicate(disappears_into, "box", "size"),
+    _predicate(at_entrance, "box"),
     _predicate(inside),
     _predicate(near_zone),
-    _predicate(crosses),
-    _predicate(stooping),
-    _predicate(longer_than, sizes=True),
-    _predicate(taller_than, sizes=True),
+    _predicate(crosses, "velocity"),
+    _predicate(stooping, "box"),
+    _predicate(longer_than, "size"),
+    _predicate(taller_than, "size"),
     _predicate(crowded),
-    _predicate(arm_moving_up, keypoints=True),
-    _predicate(arm_moving_down, keypoints=True),
+    _predicate(arm_moving_up, "keypoint"),
+    _predicate(arm_moving_down, "keypoint"),
 )
 PREDICATES: Mapping[str, Predicate] = MappingProxyType({one.name: one for one in _ALL})
 """Every predicate that activities may use."""

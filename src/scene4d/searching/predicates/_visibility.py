@@ -251,7 +251,7 @@ def _ends(stage: Stage, last: bool) -> _Ends:
     margins = [_margin(one, stage.image_size) / size for one in (now, then)]
     border = ndtr((np.minimum(*margins) - _BORDER_SHARE) / _BORDER_SIGMA)
     outwards = ndtr((margins[0] - margins[1] - _LEAVING_SHARE) / _LEAVING_SIGMA)
-    everything = tracks.time_s.max() if last else tracks.time_s.min()
+    everything = stage.span_s[1 if last else 0]
     clip = 1 - np.exp(-(((time_s[track] - everything) / _CLIP_SIGMA_S) ** 2) / 2)
     free[track], still[track] = border * clip, (1 - (1 - border) * outwards) * clip
     _hide(stage, track, row, seen, (now, then), hidden, whom, touched)

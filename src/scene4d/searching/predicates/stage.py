@@ -97,6 +97,12 @@ class Stage:
         return ticks_of(time_s, self.step_s)
 
     @cached_property
+    def span_s(self) -> tuple[float, float]:
+        """Times of the first and the last row; 0 without any."""
+        times = self.tracks.time_s
+        return (float(times.min()), float(times.max())) if len(times) else (0.0, 0.0)
+
+    @cached_property
     def ticks(self) -> int:
         """Moments from the first row to the last."""
         return int(self.tick.max(initial=-1)) + 1
@@ -130,9 +136,8 @@ class Stage:
         another as rows do, so far apart that to a time within the stage's span a track's own rows
         are nearer than any other's.
         """
-        times = self.tracks.time_s
-        start, span_s = (times.min(), np.ptp(times)) if len(times) else (0.0, 0.0)
-        return (time_s - start) + track * (2 * span_s + 1.0)
+        first_s, last_s = self.span_s
+        return (time_s - first_s) + track * (2 * (last_s - first_s) + 1.0)
 
     @cached_property
     def line_s(self) -> Float[np.ndarray, "n"]:
