@@ -78,12 +78,13 @@ def write_video(
     size: tuple[int, int] = SIZE,
     shifts: list[int] | None = None,
     times_s: np.ndarray | None = None,
+    codec: str = "mpeg4",
 ) -> Path:
     """The empty ground, moved to the right by some pixels from frame to frame; at even times, or
     at those given.
     """
     with av.open(str(path), "w") as container:
-        stream = container.add_stream("mpeg4", rate=FPS)
+        stream = container.add_stream(codec, rate=FPS)
         stream.width, stream.height = size
         stream.pix_fmt = "yuv420p"
         stream.bit_rate = 4_000_000

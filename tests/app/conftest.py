@@ -34,7 +34,7 @@ def browser() -> Iterator[Browser]:
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Half a minute of people around a parked car, with footage of its beginning."""
     folder = tmp_path_factory.mktemp("app")
-    footage = write_video(folder / "gate.mp4", seconds=6)
+    footage = write_video(folder / "gate.mp4", seconds=6, codec="libx264")
     rows = [*people(), parked()]
     return write_scene(folder / "scene", rows, provenance={"source": str(footage), "rate_hz": 10})
 

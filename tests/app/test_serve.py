@@ -1,61 +1,27 @@
 """The server: what it answers, what it refuses, and its page in a real browser."""
 
 import http.client
+import io
 import json
 import os
 import shutil
 import signal
-import socket
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import av
+import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from app.pages import click
-from scene4d.app import ServeOptions, application
-from scene4d.app._server import Server
+from app.pages import click, picture_at
+from app.serving_tests import Running
+from finding_scenes import people, write_scene
+from scene4d.app import ServeOptions
 from scene4d.core.errors import InputError
 from scene4d.searching.kept import kept_searches
-from walks import CAMERA
-
-
-class Running:
-    """A server in a thread, and a plain client."""
-
-    def __init__(self, folder: Path, **options) -> None:
-        app, self.served = application([folder], ServeOptions(**options))
-        self.api = app.state.api
-        self.server = Server(app, self.served)
-        taken = socket.create_server(("127.0.0.1", 0))
-        self.port = taken.getsockname()[1]
-        work = {"target": self.server.run, "kwargs": {"sockets": [taken]}, "daemon": True}
-        self.thread = threading.Thread(**work)
-        self.thread.start()
-
-    @property
-    def url(self) -> str:
-        return f"http://127.0.0.1:{self.port}"
-
-    def ask(self, method: str, path: str, body: str | None = None, **headers: str):
-        """Status, headers and body of an answer; ``_`` in names of headers is ``-``."""
-        client = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
-        sent = {name.replace("_", "-"): value for name, value in headers.items()}
-        client.request(method, path, body, sent)
-        answer = client.getresponse()
-        content = answer.read()
-        client.close()
-        return answer.status, dict(answer.getheaders()), content
-
-    def post(self, path: str, said: object, method: str = "POST"):
-        status, _, body = self.ask(method, path, json.dumps(said), Content_Type="application/json")
-        return status, json.loads(body)
-
-    def close(self) -> None:
-        self.server.should_exit = True
-        self.thread.join(10)
-        self.served.close()
+from scene4d.video.reader import open_source
+from walks import CAMERA, FPS, SIZE
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +49,8 @@ def test_programs_are_told_what_there_is_and_search(reading):
         if "get" in methods and path != "/api/live":
             absent = path in ("/api/fused", "/api/runs/{run}/now")  # no site, and not watched
             expected = 404 if absent else 200
-            assert reading.ask("GET", path.replace("{run}", "0"))[0] == expected, path
+            path = path.replace("{run}/pieces/{piece}", "0/pieces").replace("{run}", "0")
+            assert reading.ask("GET", path)[0] == expected, path
     assert headers["x-content-type-options"] == "nosniff"
     status, said = reading.post("/api/search", {"words": "two people meet", "top": 3})
     assert status == 200
@@ -125,6 +92,78 @@ def test_footage_comes_in_ranges(reading):
     status, headers, part = reading.ask("GET", "/api/runs/0/video", Range="bytes=100-199")
     assert (status, part) == (206, whole[100:200])
     assert headers["content-type"] == "video/mp4"
+
+
+@pytest.fixture(scope="module", params=["mpeg4.avi", "libx264.mkv", "libx264.avi"])
+def in_pieces(request, tmp_path_factory) -> Iterator[tuple[Running, Path]]:
+    """Of footage that browsers do not play as it is: 14 s that grow brighter by the second."""
+    codec, _, kind = request.param.partition(".")
+    folder = tmp_path_factory.mktemp("pieces")
+    with av.open(str(folder / f"gate.{kind}"), "w") as container:
+        stream = container.add_stream(codec, rate=FPS)
+        stream.width, stream.height = SIZE
+        stream.pix_fmt, stream.gop_size = "yuv420p", 15
+        stream.max_b_frames = 2 if kind == "mkv" else 0
+        for number in range(14 * FPS):
+            grey = np.full((SIZE[1], SIZE[0], 3), 40 + 10 * (number // FPS), np.uint8)
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(grey, format="bgr24")))
+        container.mux(stream.encode(None))
+    made = {"source": str(folder / f"gate.{kind}"), "rate_hz": 10}
+    one = Running(write_scene(folder / "scene", people(), provenance=made))
+    yield one, folder / f"gate.{kind}"
+    one.close()
+
+
+def test_footage_in_pieces_holds_every_frame_at_its_time(in_pieces):
+    running, path = in_pieces
+    assert running.ask("GET", "/api/runs/0/video")[0] == 404
+    about = json.loads(running.ask("GET", "/api/runs/0/pieces")[2])
+    assert 3 <= len(about["starts_s"]) <= 4
+    assert running.ask("GET", f"/api/runs/0/pieces/{len(about['starts_s'])}")[0] == 404
+    seen = {}
+    for number in reversed(range(len(about["starts_s"]))):
+        status, headers, mp4 = running.ask("GET", f"/api/runs/0/pieces/{number}")
+        assert status == 200
+        with av.open(io.BytesIO(mp4)) as container:
+            for frame in container.decode(video=0):
+                time_s = frame.pts * frame.time_base + float(headers["x-offset-s"])
+                seen[round(time_s * FPS)] = (time_s, frame.to_ndarray(format="gray").mean())
+    with open_source(path) as source:
+        expected = {one.index: (one.time_s, one.image_bgr.mean()) for one in source.frames()}
+    assert seen.keys() == expected.keys()
+    for index, (time_s, grey) in expected.items():
+        assert seen[index] == (pytest.approx(time_s, abs=2e-3), pytest.approx(grey, abs=4))
+
+
+def test_what_is_made_of_footage_is_bounded(in_pieces, monkeypatch):
+    running, _ = in_pieces
+    monkeypatch.setattr("scene4d.app._pieces._MOST_BYTES", 1)
+    assert [running.ask("GET", f"/api/runs/0/pieces/{k}")[0] for k in (0, 1)] == [200, 200]
+    assert not running.served._pieces._made
+
+
+def test_the_page_shows_pieces_where_it_is_looked(opened, in_pieces):
+    page = opened.page
+    page.goto(f"{in_pieces[0].url}/")
+    expect(page.locator("#tracks-count")).to_have_text("4 of 4 tracks")
+    x, y = picture_at(page, 600, 20)
+    box = page.locator("#picture").bounding_box()
+    ratio = page.evaluate("devicePixelRatio")
+    pixel = [ratio * (x - box["x"]), ratio * (y - box["y"])]
+    line = page.locator("#timeline").bounding_box()
+    for share in (0.4, 0.1, 0.3):
+        page.mouse.click(line["x"] + share * line["width"], line["y"] + line["height"] / 2)
+        second = int(float(page.locator("#timeline").get_attribute("aria-valuenow")))
+        page.wait_for_function(
+            """([pixel, least, most]) => {
+              const canvas = document.getElementById("picture");
+              const one = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+              one.drawImage(canvas, -pixel[0], -pixel[1]);
+              const grey = one.getImageData(0, 0, 1, 1).data[1];
+              return least < grey && grey < most;
+            }""",
+            arg=[pixel, 40 + 10 * second - 16, 40 + 10 * second + 16],
+        )
 
 
 def test_what_is_asked_from_elsewhere_is_refused(reading):
@@ -248,7 +287,7 @@ def test_the_served_page_searches_in_a_drawn_zone(opened, running):
     page.locator(".event").click()
     assert page.locator("#timeline").get_attribute("aria-valuetext").startswith("00:07.")
     with page.expect_download() as saving:
-        page.get_by_text("Save ActEV").click()
+        page.get_by_label("Save ActEV").click()
     assert json.loads(Path(saving.value.path()).read_text())["filesProcessed"] == ["gate.mp4"]
     with page.expect_response("**/api/alerts"):
         page.get_by_text("Tell me when it happens").click()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from playwright.sync_api import expect
 
-from app.test_serve import Running
+from app.serving_tests import Running
 from finding_scenes import people, write_scene
 from scene4d.store.query import Scene
 from scene4d.store.status import Status

@@ -19,6 +19,8 @@ FORMATS = [
     ("a.mov", {"b_frames": 0}),
     ("mpeg4.avi", {"codec": "mpeg4"}),
     ("intra.avi", {"codec": "mjpeg", "b_frames": 0}),
+    ("ordered.avi", {"b_frames": 0}),
+    ("reordered.avi", {}),
     ("open_gop.mpg", {"codec": "mpeg2video"}),
     ("raw.h264", {}),
     ("hevc.mp4", {"codec": "libx265"}),

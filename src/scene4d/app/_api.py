@@ -21,8 +21,9 @@ from starlette.responses import (
 )
 from starlette.routing import Route
 
+from scene4d.app._calibrating import Calibrating, known_of
 from scene4d.app._guard import Guard, refusal
-from scene4d.app._jobs import Worker
+from scene4d.app._jobs import BusyError, SlowError, Worker
 from scene4d.app._openapi import description
 from scene4d.app._served import Served
 from scene4d.core.errors import InputError, Scene4DError
@@ -38,18 +39,6 @@ _NUMBERS = {"min_score": (float, int), "min_probability": (float, int), "top": (
 Handler = Callable[[Request], Awaitable[Response]]
 
 
-class BusyError(Scene4DError):
-    """Too many ask at once."""
-
-    kind = "busy"
-
-
-class SlowError(Scene4DError):
-    """What was asked takes too long."""
-
-    kind = "slow"
-
-
 _STATUS = {"input": 400, "busy": 429, "slow": 503}
 
 
@@ -59,6 +48,7 @@ class Api:
     def __init__(self, served: Served) -> None:
         self._served = served
         self.searcher = Worker()
+        self._calibrating = Calibrating()
         self._waiting = 0
 
     def app(self, token: str | None, names: Collection[str]) -> Starlette:
@@ -72,6 +62,8 @@ class Api:
             ("/api/runs/{run:int}/rows", "GET", self._rows),
             ("/api/fused", "GET", self._fused),
             ("/api/runs/{run:int}/video", "GET", self._video),
+            ("/api/runs/{run:int}/pieces", "GET", self._pieces),
+            ("/api/runs/{run:int}/pieces/{piece:int}", "GET", self._piece),
             ("/api/runs/{run:int}/view", "GET", self._view),
             ("/api/runs/{run:int}/now", "GET", self._now),
             ("/api/search", "POST", self._search),
@@ -81,6 +73,9 @@ class Api:
             ("/api/alerts", "GET", self._alerts),
             ("/api/alerts", "PUT", self._keep_alert),
             ("/api/alerts", "DELETE", self._drop_alert),
+            ("/api/runs/{run:int}/calibration", "POST", self._calibrate),
+            ("/api/calibration", "GET", self._calibration),
+            ("/api/calibration", "DELETE", self._cancel_calibration),
             ("/api/live", "GET", self._live),
         ]
         app = Starlette(
@@ -126,6 +121,17 @@ class Api:
         path = await run_in_threadpool(self._served.now, request.path_params["run"])
         return FileResponse(path, media_type="image/jpeg", headers={"Cache-Control": "no-store"})
 
+    async def _pieces(self, request: Request) -> Response:
+        run = request.path_params["run"]
+        return JSONResponse(await run_in_threadpool(self._served.pieces, run))
+
+    async def _piece(self, request: Request) -> Response:
+        where = request.path_params
+        made = run_in_threadpool(self._served.piece, where["run"], where["piece"])
+        mp4, offset_s = await made
+        headers = {"X-Offset-S": f"{offset_s:.6f}", "Cache-Control": "private, max-age=3600"}
+        return Response(mp4, media_type="video/mp4", headers=headers)
+
     async def _view(self, request: Request) -> Response:
         jpeg = await run_in_threadpool(self._served.view, request.path_params["run"])
         return Response(jpeg, media_type="image/jpeg")
@@ -166,6 +172,7 @@ class Api:
     async def _running(self, app: Starlette) -> AsyncIterator[None]:
         yield
         await self.searcher.end()
+        await self._calibrating.cancel()
 
     async def _places(self, request: Request) -> Response:
         return JSONResponse(await run_in_threadpool(self._served.places))
@@ -185,6 +192,19 @@ class Api:
     async def _drop_alert(self, request: Request) -> Response:
         await run_in_threadpool(self._served.drop_alert, _words(await _body(request)))
         return await self._alerts(request)
+
+    async def _calibrate(self, request: Request) -> Response:
+        run, said = request.path_params["run"], known_of(await _body(request))
+        values, about = await run_in_threadpool(self._served.to_calibrate, run, said)
+        self._calibrating.begin(values, about)
+        return JSONResponse(self._calibrating.state, status_code=202)
+
+    async def _calibration(self, request: Request) -> Response:
+        return JSONResponse(self._calibrating.state)
+
+    async def _cancel_calibration(self, request: Request) -> Response:
+        await self._calibrating.cancel()
+        return JSONResponse(self._calibrating.state)
 
     async def _live(self, request: Request) -> Response:
         headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}

@@ -1,6 +1,7 @@
 """Footage for a page: encoded small enough to live inside it, or what the empty view looks like."""
 
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -12,7 +13,7 @@ from jaxtyping import UInt8
 from scene4d.core.errors import InputError
 from scene4d.store.footage import NoFootage
 from scene4d.video.background import Background
-from scene4d.video.reader import Source, open_source
+from scene4d.video.reader import FRAGMENTS, Source, open_source
 
 _ATTEMPTS = ((1280, 27), (960, 30), (768, 33), (640, 36))
 """Longest side (px) and x264's CRF: the first that fits the budget is taken. Chosen by eye."""
@@ -91,15 +92,26 @@ def jpeg(image_bgr: UInt8[np.ndarray, "h w 3"]) -> bytes:
     return coded.tobytes()
 
 
-def encoded(source: Source, side_px: int, crf: int, budget_bytes: int | None) -> bytes | None:
-    """All frames as MP4 with H.264, at their own times; None as soon as it is over the budget."""
+def encoded(
+    source: Source,
+    side_px: int,
+    crf: int,
+    budget_bytes: int | None = None,
+    *,
+    indices: Sequence[int] | None = None,
+    begin_s: float = 0.0,
+) -> bytes | None:
+    """Frames as MP4 with H.264, at their own times from ``begin_s`` on; None as soon as it is over
+    the budget. A piece, of the frames of some ``indices``, is in fragments.
+    """
     import av
 
     width, height = source.image_size
     scale = min(1.0, side_px / max(width, height))
     size = tuple(2 * max(1, round(scale * side / 2)) for side in (width, height))
     out = io.BytesIO()
-    with av.open(out, "w", format="mp4") as container:
+    options = {} if indices is None else FRAGMENTS
+    with av.open(out, "w", format="mp4", options=options) as container:
         fps = min(source.fps or 25.0, _MOST_FPS)
         stream = container.add_stream("libx264", rate=Fraction(fps).limit_denominator(1000))
         stream.width, stream.height = size
@@ -108,13 +120,14 @@ def encoded(source: Source, side_px: int, crf: int, budget_bytes: int | None) ->
         key = str(max(1, round(fps * _KEY_S)))
         stream.options = {"crf": str(crf), "preset": "veryfast", "g": key, "bf": "0"}
         next_s = -np.inf
-        for frame in source.frames():
+        for frame in source.frames(indices):
             if frame.time_s < next_s:
                 continue
             next_s = frame.time_s + 0.9 / _MOST_FPS
             image = cv2.resize(frame.image_bgr, size, interpolation=cv2.INTER_AREA)
             picture = av.VideoFrame.from_ndarray(image, format="bgr24")
-            picture.pts, picture.time_base = round(frame.time_s * _TICKS), Fraction(1, _TICKS)
+            picture.pts = round((frame.time_s - begin_s) * _TICKS)
+            picture.time_base = Fraction(1, _TICKS)
             container.mux(stream.encode(picture))
             if budget_bytes is not None and out.tell() > budget_bytes:
                 return None
@@ -127,7 +140,7 @@ def plays(path: Path) -> bool:
     """Whether browsers play this file as it is: H.264 in MP4, or VP8, VP9 and AV1 in WebM."""
     import av
 
-    if path.suffix.lower() not in (".mp4", ".m4v", ".webm"):
+    if path.suffix.lower() not in (".mp4", ".m4v", ".mov", ".webm"):
         return False
     try:
         with av.open(str(path), metadata_errors="replace") as container:

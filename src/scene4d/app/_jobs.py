@@ -11,6 +11,20 @@ from scene4d.core.errors import InputError, OutputError, Scene4DError, Unavailab
 
 _LONGEST_LINE = 1 << 28
 """Bytes of an answer."""
+
+
+class BusyError(Scene4DError):
+    """Too many ask at once."""
+
+    kind = "busy"
+
+
+class SlowError(Scene4DError):
+    """What was asked takes too long."""
+
+    kind = "slow"
+
+
 _ERRORS = {kind.kind: kind for kind in (InputError, OutputError, Scene4DError, UnavailableError)}
 Teller = Callable[[dict[str, Any]], None]
 

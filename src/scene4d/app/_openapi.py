@@ -7,6 +7,7 @@ from typing import Any
 def description() -> dict[str, Any]:
     """What ``/openapi.json`` answers."""
     run = {"name": "run", "in": "path", "required": True, "schema": {"type": "integer"}}
+    piece = run | {"name": "piece"}
     since = {
         "name": "since_s",
         "in": "query",
@@ -19,6 +20,8 @@ def description() -> dict[str, Any]:
         ("/api/scene", "get", "Cameras and runs, without rows.", "application/json", []),
         ("/api/runs/{run}/rows", "get", "Rows, packed.", "application/json", [run, since]),
         ("/api/runs/{run}/video", "get", "Footage, with ranges.", "video/mp4", [run]),
+        ("/api/runs/{run}/pieces", "get", "Where pieces begin.", "application/json", [run]),
+        ("/api/runs/{run}/pieces/{piece}", "get", "One as MP4.", "video/mp4", [run, piece]),
         ("/api/runs/{run}/view", "get", "The empty view.", "image/jpeg", [run]),
         ("/api/runs/{run}/now", "get", "What it shows now, small.", "image/jpeg", [run]),
         ("/api/fused", "get", "A site's rows of everybody once.", "application/json", []),
@@ -29,6 +32,9 @@ def description() -> dict[str, Any]:
         ("/api/alerts", "get", "Searches that a watch makes too.", "application/json", []),
         ("/api/alerts", "put", "Keep one more.", "application/json", []),
         ("/api/alerts", "delete", "Keep one no longer.", "application/json", []),
+        ("/api/runs/{run}/calibration", "post", "Calibrate again.", "application/json", [run]),
+        ("/api/calibration", "get", "Where that stands, or its camera.", "application/json", []),
+        ("/api/calibration", "delete", "Cancel it.", "application/json", []),
         ("/api/live", "get", "Runs that grow, and alerts.", "text/event-stream", []),
     )
     paths: dict[str, Any] = {}
@@ -80,6 +86,9 @@ def _object(properties: dict[str, Any], *required: str) -> dict[str, Any]:
 _BODIES: dict[tuple[str, str], Any] = {
     ("/api/search", "post"): _object(_SEARCH, "words"),
     ("/api/export", "post"): _object(_SEARCH | _FORMAT, "words", "format"),
+    ("/api/runs/{run}/calibration", "post"): _object(
+        {"orientation": {"type": "object"}, "landmarks": {"type": "object"}}
+    ),
     ("/api/alerts", "put"): _object(_WORDS, "words"),
     ("/api/alerts", "delete"): _object(_WORDS, "words"),
     ("/api/places", "put"): _object({"zones": _NAMED, "lines": _NAMED}),

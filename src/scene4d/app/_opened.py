@@ -62,6 +62,12 @@ class Opened:
         """How many rows all runs have."""
         return sum(one.run.rows for one in self.shown)
 
+    def own(self, one: Shown) -> Calibration:
+        """A run's calibration in metres of its own, as it was made."""
+        if self.site is not None:
+            return self.site.calibration(one.camera)
+        return Calibration.load(self._scene.camera_file(one.run.camera))
+
     def tracks(self, one: Shown, since_s: float | None = None) -> Tracks:
         """Rows of a run in the page's frame and on its clock, from ``since_s`` on."""
         if self.site is None:

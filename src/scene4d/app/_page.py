@@ -13,8 +13,8 @@ from scene4d.drawing.page import rendered
 
 MODULES = (
     *("packed", "camera", "tracks", "state", "viewport", "look", "scenery", "flow", "run"),
-    *("picture", "plan", "timeline", "clock", "geo", "tools", "places", "judge"),
-    *("media", "tables", "panel", "search", "alerts", "live", "fleet", "keys", "main"),
+    *("picture", "plan", "timeline", "clock", "pieces", "geo", "tools", "places", "judge"),
+    *("media", "tables", "panel", "search", "alerts", "again", "live", "fleet", "keys", "main"),
 )
 """In the order in which one may use another; each is ``templates/NAME.js``."""
 _IMPORT = re.compile(r"^import [^;]*;\n", re.MULTILINE)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from scene4d.app._contents import (
+    camera_of,
     contents,
     places_json,
     run_of,
@@ -13,19 +14,18 @@ from scene4d.app._contents import (
     watched_events,
 )
 from scene4d.app._fleet import fleet_of, picture_of
-from scene4d.app._footage import check_size, encoded, plays, view_of
+from scene4d.app._footage import plays, view_of
 from scene4d.app._opened import Opened, Shown
 from scene4d.app._page import page_html
+from scene4d.app._pieces import PieceStore
 from scene4d.app._rows import rows_of
 from scene4d.core.errors import InputError
 from scene4d.core.files import write_bytes, write_json
 from scene4d.searching import read_places
 from scene4d.searching.kept import ZONES, drop_search, keep_search, kept_searches
 from scene4d.store.footage import NoFootage, footage_of
+from scene4d.store.runs import file_name, manifest_path
 from scene4d.video.reader import open_source
-
-_SIDE_PX, _CRF = 1280, 24
-"""Longest side and x264's CRF of footage that browsers cannot play as it is. Chosen by eye."""
 
 
 class Served:
@@ -40,7 +40,8 @@ class Served:
         self._zones = folders[0] / ZONES if zones is None else zones
         self.ending = False
         self._lock = threading.Lock()
-        self._encoding = threading.Lock()
+        self._viewing = threading.Lock()
+        self._pieces = PieceStore()
         self._made = tempfile.TemporaryDirectory(prefix="scene4d-")
         self._names: list[str] = []
         self._stamp: Any = None
@@ -49,7 +50,7 @@ class Served:
         self.refresh()
 
     def close(self) -> None:
-        """Remove what was encoded."""
+        """Remove what was made for it."""
         self._made.cleanup()
 
     def refresh(self) -> list[dict[str, Any]]:
@@ -132,28 +133,32 @@ class Served:
         return rows_of(tracks)
 
     def video(self, number: int) -> Path:
-        """A file that browsers play; footage in other forms is encoded once, at its first use.
+        """A file that browsers play; raises :class:`LookupError` where there is none."""
+        place = self._footage(number)
+        if not plays(place):
+            raise LookupError("browsers cannot play this footage as it is; ask for its pieces")
+        return place
+
+    def pieces(self, number: int) -> dict[str, Any]:
+        """Where pieces of footage begin, or null where the file plays as it is.
 
         Raises :class:`LookupError` and :class:`InputError` where there is none.
         """
         place = self._footage(number)
         if plays(place):
-            return place
-        made = Path(self._made.name) / f"{number}.mp4"
-        with self._encoding:
-            if not made.exists():
-                with open_source(place) as source:
-                    check_size(source, self._named(number).calibration.image_size)
-                    video = encoded(source, _SIDE_PX, _CRF, None)
-                assert video is not None
-                write_bytes(made, video)
-        return made
+            return {"starts_s": None}
+        return self._pieces.of(place, self._named(number).calibration.image_size).about()
+
+    def piece(self, number: int, piece: int) -> tuple[bytes, float]:
+        """One of them as MP4, and what to add to its times (s); raises as :meth:`pieces`."""
+        image_size = self._named(number).calibration.image_size
+        return self._pieces.piece(self._footage(number), image_size, piece)
 
     def view(self, number: int) -> bytes:
         """What the empty view looks like, as JPEG; raises as :meth:`video`."""
         made = Path(self._made.name) / f"{number}.jpg"
         place = self._footage(number)
-        with self._encoding:
+        with self._viewing:
             if not made.exists():
                 with open_source(place) as source:
                     write_bytes(made, view_of(source) or b"")
@@ -164,6 +169,26 @@ class Served:
         if isinstance(place, NoFootage):
             raise LookupError(place.reason)
         return place
+
+    def to_calibrate(
+        self, number: int, said: dict[str, Any]
+    ) -> tuple[dict[str, Any], dict[str, Any]]:
+        """What it takes to calibrate a run's camera with what is ``said`` of it, and what it is
+        compared with. Raises :class:`LookupError` where there is no footage.
+        """
+        shown, source = self._named(number), self._footage(number)
+        with self._lock:
+            before, site = self._opened.own(shown), self._opened.site
+        runs = (f for f in self._folders if site or manifest_path(f, shown.run.run).is_file())
+        annotations = shown.run.provenance.get("annotations")
+        values = {
+            "source": str(source),
+            "annotations": annotations if isinstance(annotations, str) else None,
+            "person_height_m": before.person_height_m,
+            "said": said,
+            "out": str(next(runs) / "judged" / file_name(shown.camera, "camera")),
+        }
+        return values, {"run": number, "before": camera_of(before)}
 
     def asked(self, words: str, options: dict[str, Any]) -> dict[str, Any]:
         """A search for a process of its own, with the zones that are saved."""

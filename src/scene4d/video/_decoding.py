@@ -57,9 +57,21 @@ def packets(container: Any, stream: Any) -> Iterator[Any]:
     An empty packet would end the decoder, and a partial packet would be completed with content of
     other frames.
     """
-    for packet in container.demux(stream):
+    for packet in demuxed(container, stream):
         if packet.size and not packet.is_corrupt:
             yield packet
+
+
+def demuxed(container: Any, stream: Any) -> Iterator[Any]:
+    """All packets. AVI has no times of display, and those that FFmpeg makes up for H.264 and H.265
+    are wrong by a frame or more: it is shown as it is decoded, or in an order that is not known.
+    """
+    codec = stream.codec_context
+    made_up = container.format.name == "avi" and codec.name in ("h264", "hevc")
+    for packet in container.demux(stream):
+        if made_up:
+            packet.pts = None if codec.has_b_frames else packet.dts
+        yield packet
 
 
 def decode(stream: Any, packet: Any) -> tuple[list[Any], bool]:

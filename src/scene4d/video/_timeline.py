@@ -7,6 +7,8 @@ import av
 import numpy as np
 from jaxtyping import Bool, Int
 
+from scene4d.video._decoding import demuxed
+
 
 @dataclass(frozen=True, eq=False)
 class PacketTable:
@@ -51,7 +53,7 @@ def _from_packets(container: Any, stream: Any) -> PacketTable:
     keys: list[bool] = []
     packets = 0
     try:
-        for packet in container.demux(stream):
+        for packet in demuxed(container, stream):
             if packet.size == 0:  # end of the stream, or an AVI "frame not captured"
                 continue
             packets += 1

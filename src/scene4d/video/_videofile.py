@@ -1,5 +1,6 @@
 """Video files through PyAV (FFmpeg)."""
 
+import io
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from itertools import dropwhile
@@ -12,7 +13,7 @@ import numpy as np
 from scene4d.core.errors import InputError
 from scene4d.video._decoding import decode, packets, pixel_notes, upright_bgr, video_stream
 from scene4d.video._timeline import read_packet_table
-from scene4d.video.frames import Frame, Source, Timeline
+from scene4d.video.frames import FRAGMENTS, Frame, Source, Timeline
 
 _SEEK_GAIN_FRAMES = 12
 """A seek costs about as much as decoding this many frames, so shorter gaps are decoded."""
@@ -156,6 +157,32 @@ class VideoSource(Source):
         if wanted and self._failed.issuperset(wanted):
             raise self._nothing_decodes(len(wanted))
 
+    def copied(self, first: int, end: int) -> tuple[bytes, float] | None:
+        """See :meth:`Source.copied`: H.264 whose times are known."""
+        if self._pts is None or not self._can_seek:
+            return None
+        with self._open() as container:
+            stream = video_stream(container, self.name)
+            codec = stream.codec_context
+            reordered = (
+                container.format.name == "avi" and codec.has_b_frames
+            )  # and no times say how
+            if (codec.name, codec.pix_fmt) != ("h264", "yuv420p") or reordered:
+                return None
+            end_pts = int(self._pts[end]) if end < len(self._pts) else None
+            found = []
+            for packet in _from_key(container, stream, int(self._pts[first])):
+                if packet.pts is None or packet.dts is None:
+                    return None
+                if packet.is_keyframe and end_pts is not None and packet.pts >= end_pts:
+                    break
+                found.append(packet)
+            if not found:
+                return None
+            begin = found[0].dts
+            offset_s = float((begin - int(self._pts[0])) * stream.time_base)
+            return _muxed(stream, found, begin), offset_s
+
     def _runs(self, wanted: list[int]) -> Iterator[list[int]]:
         """Groups of frames that are decoded in one run, with a seek between groups."""
         key_before = self.timeline.key_before
@@ -221,6 +248,17 @@ class VideoSource(Source):
             if not unfed:
                 break
         yield None
+
+
+def _muxed(stream: Any, found: list[Any], begin: int) -> bytes:
+    """Packets as an MP4 in fragments, whose times of decoding begin at 0."""
+    out = io.BytesIO()
+    with av.open(out, "w", format="mp4", options=FRAGMENTS) as container:
+        copy = container.add_stream_from_template(stream)
+        for packet in found:
+            packet.pts, packet.dts, packet.stream = packet.pts - begin, packet.dts - begin, copy
+            container.mux(packet)
+    return out.getvalue()
 
 
 def _readable(container: Any, stream: Any) -> Iterator[Any]:

@@ -18,6 +18,10 @@ _LEAST_SIDE_PX = 8
 """Smaller images show nothing, and scaling them leaves no pixel."""
 
 
+FRAGMENTS = {"movflags": "frag_keyframe+empty_moov+default_base_moof"}
+"""Options of FFmpeg for an MP4 that browsers can append to what they have."""
+
+
 @dataclass(frozen=True, eq=False)
 class Frame:
     """One image. ``index`` counts from 0 in display order; ``time_s`` is seconds from the first
@@ -99,6 +103,12 @@ class Source(ABC):
         if self.timeline is None or not self.timeline.has_clock or len(self.timeline) < 2:
             return None
         return len(self.timeline) * self.timeline.frame_s
+
+    def copied(self, first: int, end: int) -> tuple[bytes, float] | None:
+        """The frames from a key frame to before another one (or the end) as an MP4 in fragments,
+        not encoded again, and what to add to its times (s). None where that cannot be.
+        """
+        return None
 
     def close(self) -> None:  # noqa: B027
         """Release resources; most sources hold none."""

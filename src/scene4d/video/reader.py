@@ -7,9 +7,9 @@ from pathlib import Path
 
 from scene4d.core.errors import InputError
 from scene4d.video._images import IMAGE_SUFFIXES, ImageSource, natural_key
-from scene4d.video.frames import Frame, Source, Timeline
+from scene4d.video.frames import FRAGMENTS, Frame, Source, Timeline
 
-__all__ = ["Frame", "Source", "Timeline", "open_source"]
+__all__ = ["FRAGMENTS", "Frame", "Source", "Timeline", "open_source"]
 
 _STREAM_SCHEMES = frozenset(
     {"rtsp", "rtsps", "rtmp", "rtmps", "http", "https", "udp", "srt", "rtp"}

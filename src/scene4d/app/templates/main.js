@@ -16,6 +16,7 @@ import { startPanel } from "./panel.js";
 import { startSearch } from "./search.js";
 import { readPlaces } from "./places.js";
 import { fetchRows, startLive } from "./live.js";
+import { startAgain } from "./again.js";
 import { startAlerts } from "./alerts.js";
 import { startKeys } from "./keys.js";
 
@@ -93,6 +94,7 @@ function begin() {
   if (world.data.site) world.runs.forEach(loadView);
   startLive();
   startAlerts();
+  startAgain();
   document.documentElement.dataset.ready = "true";
 }
 

@@ -2,6 +2,7 @@
 import { $, draw, element, tell, world } from "./state.js";
 import { bytesOf } from "./packed.js";
 import { follow } from "./clock.js";
+import { inPieces } from "./pieces.js";
 
 function source(now, kind, type) {
   const api = world.data.api;
@@ -32,8 +33,14 @@ export function loadVideo(now) {
   if (!video) return;
   const player = element("video", { preload: "auto", playsinline: true });
   player.muted = true;
-  player.src = video;
   now.video = player;
   player.addEventListener("error", () => (now.video = null));
   follow(now);
+  if (world.data.api) fetchVideo(player, `${world.data.api}/runs/${now.number}`);
+  else player.src = video;
+}
+
+async function fetchVideo(player, address) {
+  const about = await (await fetch(`${address}/pieces`)).json();
+  player.src = about.starts_s ? inPieces(player, about, `${address}/pieces`) : `${address}/video`;
 }

@@ -45,10 +45,10 @@ function searchList(one, number) {
     element("p", { class: "soft" }, one.verdict),
     ...one.notes.map((line) => element("p", { class: "soft small" }, line)),
     eventList(one.events.map((event) => spanned(event, one.words))),
-    element("div", { class: "row" },
-      ...(one.events.length ? ["json", "csv", "actev"] : []).map((form) => saveButton(one, form)),
-      alertButton(one.words),
+    element("div", { class: "row", hidden: !one.events.length }, element("span", { class: "soft" }, "Save"),
+      ...["json", "csv", "actev"].map((form) => saveButton(one, form)),
     ),
+    alertButton(one.words),
     world.data.api ? null : element("p", { class: "soft small" }, "For NIST's ActEV scorer: ", element("code", {}, actevCommand(one.words))),
   );
 }
@@ -67,7 +67,7 @@ function saveButton(one, form) {
       $("asked").textContent = error.message;
     }
   };
-  return element("button", { class: "quiet", onclick: save }, `Save ${title}`);
+  return element("button", { class: "quiet", "aria-label": `Save ${title}`, onclick: save }, title);
 }
 
 const actevCommand = (words) => `scene4d search SCENE '${words.replaceAll("'", "'\\''")}' --actev actev.json`;
