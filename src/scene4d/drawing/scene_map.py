@@ -19,6 +19,8 @@ _PEOPLE, _WHEELS, _VEHICLES = "#0072B2", "#009E73", "#D55E00"
 _LOOKS = {"person": (_PEOPLE, "people"), "bicycle": (_WHEELS, "bicycles and motorcycles")}
 _LOOKS["motorcycle"] = _LOOKS["bicycle"]
 _OTHER = (_VEHICLES, "cars, trucks and buses")
+_GROUND_PX = 700
+"""Longer side of the ground behind the paths: projecting its pixels takes most of the time."""
 _STANDING_M = 1.0
 """What stays within so much is drawn as a dot."""
 
@@ -36,7 +38,8 @@ def draw_scene_map(
     if area is None:
         return None
     area = around_camera(area, camera)
-    view = rectify(camera, area, style.checked_image(image_bgr, camera.image_size))
+    image = style.checked_image(image_bgr, camera.image_size)
+    view = rectify(camera, area, image, _GROUND_PX)
     fig, axes = ground_axes(area)
     show_ground(axes, view)
     handles = viewed(axes, camera, view)

@@ -1,6 +1,5 @@
 """One quiet look for all figures: colours, sizes in points, and PNG bytes (no pyplot state)."""
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -49,9 +48,9 @@ def figure(width_in: float, height_in: float) -> Figure:
 
 def png(fig: Figure) -> bytes:
     """The figure as PNG; the same figure gives the same bytes."""
-    buffer = io.BytesIO()
-    fig.savefig(buffer, format="png", metadata={"Software": None})
-    return buffer.getvalue()
+    canvas = FigureCanvasAgg(fig)
+    canvas.draw()
+    return _coded(cv2.cvtColor(np.asarray(canvas.buffer_rgba()), cv2.COLOR_RGBA2BGR))
 
 
 @dataclass(frozen=True)

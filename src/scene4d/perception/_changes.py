@@ -14,8 +14,8 @@ _NOISES = 6.0
 """The same, in standard deviations of the noise between two pictures."""
 _LEAST_CELLS = 4
 """Connected cells that must differ: noise comes alone."""
-_EVERY = 3
-"""Every third cell each way is enough to know the light and the noise."""
+_EVERY = 6
+"""Every sixth cell each way is enough to know the light and the noise."""
 _SIGMA_OF_MEDIAN = 1.4826
 
 

@@ -27,8 +27,9 @@ from scene4d.video.stream import without_password
 if TYPE_CHECKING:
     from scene4d.perception.objects import Moment, ObjectDetector
 
-_CHUNK_S = 10.0
-"""Length of a chunk: the most that is lost when a run over a recording is killed."""
+_CHUNK_S = 30.0
+"""Length of a chunk: the most that is lost when a run over a recording is killed. Each begins with
+looks at everything."""
 _LOGS = "detections"
 """Folder in a scene for the detections; it may be removed once a run is complete."""
 _EARLY_S = 1e-6

@@ -59,6 +59,7 @@ _AGREEING_SHARE = 0.15
 """Number of matches, and share of all corners, that must agree on a movement."""
 _WINDOW_PX = (21, 21)
 _PYRAMID_LEVELS = 4
+_ENOUGH = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.03)
 """Of Lucas-Kanade."""
 _NO_STRUCTURE = (
     "whether the camera moves cannot be told: fewer than two frames have a background with enough "
@@ -242,7 +243,7 @@ def _follow(
 
 def _flow(a: np.ndarray, b: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     there, found, _ = cv2.calcOpticalFlowPyrLK(
-        a, b, uv, np.empty_like(uv), winSize=_WINDOW_PX, maxLevel=_PYRAMID_LEVELS
+        a, b, uv, None, winSize=_WINDOW_PX, maxLevel=_PYRAMID_LEVELS, criteria=_ENOUGH
     )
     return there, found[:, 0] > 0
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import onnx
 from onnx import TensorProto, helper, numpy_helper
 
 from scene4d.core.errors import InputError
@@ -112,7 +111,6 @@ class _Graph:
         model = helper.make_model(
             graph, opset_imports=[helper.make_opsetid("", _OPSET)], ir_version=_IR
         )
-        onnx.checker.check_model(model)
         return bytes(model.SerializeToString())
 
     def _node(self, kind: str, inputs: list[str], output: str = "", **how: Any) -> str:
