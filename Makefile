@@ -2,6 +2,7 @@
 #   make demo    calibrate the sample video and say where the report lies
 #   make test    lint, types, layers and tests, as .ci/run does
 #   make bench   measure, and write docs/benchmarks.md (12 minutes)
+#   make docs    build/site from docs/, the docstrings and the command line's help
 #   make wheel   build wheel and sdist, and run the README in an empty environment (8 minutes)
 # Another Python: make test PYTHON=python3.12      Another place: make test VENV=/tmp/env
 # Some of the tests: make test TESTS=tests/core, or TESTS='-m "not shared_data"'
@@ -17,6 +18,7 @@ PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_
 RUNTIME := $(VENV)/.runtime-$(PYTHON_VERSION)
 DEV := $(VENV)/.dev-$(PYTHON_VERSION)
 BENCH := $(VENV)/.bench-$(PYTHON_VERSION)
+DOCS := $(VENV)/.docs-$(PYTHON_VERSION)
 
 # Exact versions everywhere, in the isolated build too (newer pips read only the second variable
 # there). No byte code: it is an eighth of the room, and Python writes what is used. Both hold for
@@ -26,11 +28,11 @@ PIP := PIP_NO_INPUT=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignor
 	$(BIN)/python -m pip --quiet
 INSTALL := $(CONSTRAINED) $(PIP) install --no-compile
 
-.PHONY: help demo test lint types layers browser pytest format bench wheel install-size clean
+.PHONY: help demo test lint types layers browser pytest format bench docs wheel install-size clean
 .DELETE_ON_ERROR:
 
 help:
-	@sed -n 's/^# \{0,1\}//;1,7p' $(firstword $(MAKEFILE_LIST))
+	@sed -n 's/^# \{0,1\}//;1,8p' $(firstword $(MAKEFILE_LIST))
 
 demo: $(RUNTIME)
 	$(BIN)/scene4d demo
@@ -63,6 +65,11 @@ format: $(DEV)
 bench: $(BENCH)
 	$(BIN)/python -m benchmarks --write
 
+# Every warning is an error: a link that leads nowhere, a page that is on no list.
+docs: $(DOCS)
+	$(BIN)/python -m sphinx -W --keep-going -q -j auto docs build/site
+	@echo "build/site/index.html"
+
 wheel:
 	$(PYTHON) scripts/wheel.py
 
@@ -90,7 +97,8 @@ $(RUNTIME): pyproject.toml constraints.txt
 # All stamps get one time: no group is older than RUNTIME, unless that was made anew.
 $(DEV): GROUP := dev
 $(BENCH): GROUP := bench
-$(DEV) $(BENCH): $(RUNTIME)
+$(DOCS): GROUP := docs
+$(DEV) $(BENCH) $(DOCS): $(RUNTIME)
 	@echo "adding the tools of the group $(GROUP) to $(VENV)"
-	@stamps=$$(ls $(RUNTIME) $(DEV) $(BENCH) 2>/dev/null); rm -f $$stamps; \
+	@stamps=$$(ls $(RUNTIME) $(DEV) $(BENCH) $(DOCS) 2>/dev/null); rm -f $$stamps; \
 	$(INSTALL) --group $(GROUP) && touch $@ && touch -r $@ $$stamps

@@ -372,11 +372,11 @@ def tables(data: Path) -> str:
     ]
     return "\n\n".join(
         [
-            "### One part at a time",
+            "## One part at a time",
             parts([*keypoints, *boxes, *(boxes_of_actors(name, data) for name in MEVA_CAMERAS)]),
-            "### Keypoints against boxes",
+            "## Keypoints against boxes",
             points(same_people),
-            "### Number of frames (PETS video)",
+            "## Number of frames (PETS video)",
             frames(video, park, everything),
         ]
     )

@@ -7,6 +7,7 @@ import re
 import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import click
 import pytest
@@ -52,6 +53,10 @@ PROMISED = {
 }
 
 
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
 def command_of(name: str) -> click.Command:
     command = typer.main.get_command(app)
     for word in name.split():
@@ -80,6 +85,18 @@ def test_every_promised_option_is_there_and_explained(run, command):
     shown = set(re.findall(r"--[a-z-]+", result.stdout))
     assert set(PROMISED[command].split()) <= shown
     assert "Example" in result.stdout
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_commands_of_the_pages_name_what_exists(page):
+    blocks = re.findall(r"^```(?:sh|bash)?\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
+    joined = re.sub(r"\\\n\s*", "", "\n".join(blocks))
+    for line in re.findall(r"^(?:\S*/)?scene4d (.*)$", joined, re.MULTILINE):
+        words = shlex.split(re.sub(r" {4,}.*", "", line), comments=True)
+        names = [name for name in PROMISED if words[: len(name.split())] == name.split()]
+        assert names or words == ["--version", "--json"], line
+        options = {word.partition("=")[0] for word in words if word.startswith("--")}
+        assert not names or options <= options_of(names[-1]), line
 
 
 def test_there_are_no_other_commands():

@@ -12,7 +12,7 @@ import pytest
 import finding_scenes as scenes
 from scene4d.searching.activities.search import LEAST_SCORE
 
-DOCS = Path(__file__).parents[2] / "docs" / "search.md"
+DOCS = Path(__file__).parents[2] / "docs" / "searching.md"
 LANGUAGE = DOCS.with_name("search-language.md")
 
 
@@ -188,14 +188,14 @@ def test_what_failed_leaves_no_folder(run, gate, tmp_path):
 
 
 def test_the_python_of_the_page_on_searching_runs(gate, tmp_path, monkeypatch, capsys):
-    """docs/search.md, with this scene as ``scene``."""
+    """docs/searching.md, with this scene as ``scene``."""
     (tmp_path / "scene").symlink_to(gate)
     monkeypatch.chdir(tmp_path)
     blocks = re.findall(r"```python\n(.*?)```", DOCS.read_text(), re.DOTALL)
     assert blocks
     scope: dict[str, object] = {}
     for block in blocks:
-        exec(compile(block, "search.md", "exec"), scope)
+        exec(compile(block, "searching.md", "exec"), scope)
     assert f"person {scenes.PERSON} enters vehicle {scenes.PARKED}" in capsys.readouterr().out
 
 

@@ -113,7 +113,7 @@ def search(
     """Search tracked scenes in plain words: who, when, where, and why each event matches.
 
     The words become predicates: probabilities of what happens in space and time. These are shown
-    first, then the events, best first. docs/search.md shows how to search, and
+    first, then the events, best first. docs/searching.md shows how to search, and
     docs/search-language.md lists the words and the grammar.
 
     [bold]Examples[/bold]
