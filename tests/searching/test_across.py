@@ -111,3 +111,50 @@ def test_merging_keeps_what_has_no_identity_and_other_times_apart(site):
     merged = _once([first, other, late, nobody, nobody])
     assert merged[0].across["cameras"][-1] == "north"
     assert len(merged) == 4
+
+
+def test_where_another_stood_is_looked_up_in_all_cameras(tmp_path):
+    """In the west somebody stands where a car was parked, and where only the east saw another one
+    stand: once in the middle, which both cameras see, at places that each measures anew.
+    """
+    west, east = (replace(eye, radius_m=16.0, noise_m=0.02, shared_m=0.02) for eye in (WEST, EAST))
+    still = np.arange(0.0, 12.0, 0.1)
+    early = [
+        Walker(still, np.tile([6.0, 0.0], (len(still), 1))),
+        Walker(still, np.tile([-1.0, 5.0], (len(still), 1)), "car"),
+    ]
+    late = [
+        Walker(still + 40, np.tile([6.3, 0.0], (len(still), 1))),
+        Walker(still + 60, np.tile([-1.2, 5.0], (len(still), 1))),
+        Walker(still + 80, np.tile([2.0, -7.0], (len(still), 1))),
+    ]
+    cameras, rows = {}, []
+    for eye, there in ((west, late), (east, early)):
+        tracks, whose = seen(eye, there)
+        first = 1 if eye is east else 3
+        cameras[eye.name] = store(tmp_path / eye.name, eye, tracks, run=f"run-{eye.name}")
+        rows += [(eye.name, track, who + first, 1.0) for track, who in whose.items()]
+    known = Identities(*(np.array(column) for column in zip(*rows, strict=True)))
+    write_site(tmp_path / "site", SiteFile(cameras), known, refined={}, pictures={})
+    site = Site.open(tmp_path / "site")
+
+    stood = search(site, "a person stands within 2 m of where another person stood").events
+    assert {tuple(one.event.roles.values()) for one in stood} == {(3,)}
+    (spot,) = stood[0].spots
+    assert (stood[0].run.run, spot.run.run, spot.track) == ("run-west", "run-east", 1)
+    assert spot.distance_m == pytest.approx(0.3, abs=0.15)
+    assert spot.begin_s == pytest.approx(-east.placement.time_offset_s, abs=1.0)
+    on_site = west.placement.points(np.array([spot.xy_m]))[0]
+    np.testing.assert_allclose(on_site, [6.0, 0.0], atol=0.1)
+    assert not stood[0].about_spots[0].startswith("who was where")
+
+    parked = search(site, "a person stands where a vehicle was parked")
+    assert {tuple(one.event.roles.values()) for one in parked.events} == {(4,)}
+    assert parked.events[0].spots[0].run.camera == "east"
+    assert not any("same camera" in note for note in parked.asked.notes)
+    # Each camera alone knows nothing of the other.
+    assert not search(
+        site.scene("west"), "a person stands within 2 m of where another stood"
+    ).events
+    with_boxes = search(site, "a person disappears within 2 m of where another person stood")
+    assert any("same camera" in note for note in with_boxes.asked.notes)

@@ -6,17 +6,20 @@ for in the fused tracks of all cameras at once, so that somebody may be in one z
 in another zone in the next.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from scene4d.core.placement import Placement
 from scene4d.core.progress import Progress, timed
 from scene4d.core.tracks import Tracks
-from scene4d.searching._asking import Asked, second_of_day
+from scene4d.searching._asking import Asked, of_pictures, second_of_day
 from scene4d.searching._places import in_site
+from scene4d.searching._spots import Clip, FoundSpot, Memory, Piece
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities.course import Course, course_of
 from scene4d.searching.activities.search import judge
@@ -26,11 +29,6 @@ from scene4d.store.fusing import fused
 from scene4d.store.runs import Run
 from scene4d.store.site import STEP_S, Site
 
-_OF_PICTURES = {
-    *("appears", "appears_from", "disappears", "disappears_into"),
-    *("stooping", "arm_moving_up", "arm_moving_down"),
-}
-"""Predicates that look at boxes or bodies, which belong to one camera's picture."""
 _SAME_S = 2.0
 """Events of the same people at most this far apart in time are one: cameras see its beginning and
 end not quite alike."""
@@ -46,25 +44,24 @@ def answer_site(
     """Search a site; ``search`` answers what is asked of one scene."""
     site = asked.site
     assert site is not None
-    if _of_pictures(asked) or not site.cameras:
+    if of_pictures(asked.query) or not site.cameras:
         found = search(replace(asked, site=None), progress)
         return replace(found, asked=asked, events=_merged(found.events, site))
     result = SearchResult(asked)
     result.runs = list(asked.scene.runs)
-    with progress.stage("Searching the site", None):
-        for stretch in _stretches(site, result):
+    stretches = _Stretches(site, result)
+    result.memory = _memory(stretches, progress)
+    with progress.stage("Searching the site", len(stretches.begins)) as step:
+        for begin_s in stretches.begins:
+            stretch = stretches(begin_s)
+            result.rows += len(stretch.stage.tracks)
             with timed(result.timings, "search"):
-                _search_stretch(result, stretch)
+                _search_stretch(result, stretch, str(begin_s))
+            step(1)
     result.events = _once(sorted(result.events, key=_rank))
     top = asked.options.top
     result.events[top:] = [replace(one, around=None, course=None) for one in result.events[top:]]
     return result
-
-
-def _of_pictures(asked: Asked) -> bool:
-    """Whether each camera is searched by itself, as also where spots are remembered."""
-    activity = asked.query.activity
-    return bool(activity.spots) or any(term.predicate in _OF_PICTURES for term in activity.terms)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,41 +72,111 @@ class _Stretch:
     stage: Stage
 
 
-def _stretches(site: Site, result: SearchResult) -> Iterator[_Stretch]:
-    first, last = site.span_s
-    begin = first
-    while begin <= last:
-        with timed(result.timings, "load"):
-            limits = {"begin": begin - _OVERLAP_S, "end": begin + _STRETCH_S}
-            seen = {
-                name: site.camera_tracks(name, keypoints=False, **limits)  # type: ignore[arg-type]
-                for name in site.cameras
-            }
-            tracks = fused(list(seen.values()), STEP_S)
-        places = result.asked.of_site
+class _Stretches:
+    """Reads the stretches of a site, by their begin (s); the last one is kept."""
+
+    def __init__(self, site: Site, result: SearchResult) -> None:
+        self.site, self.result = site, result
+        first, last = site.span_s
+        self.begins = np.arange(first, last + 1e-9, _STRETCH_S).tolist()
+        self._last: tuple[float, _Stretch] | None = None
+
+    def __call__(self, begin_s: float) -> _Stretch:
+        """The stretch of an hour."""
+        if self._last is None or self._last[0] != begin_s:
+            self._last = None  # before the next one is read
+            with timed(self.result.timings, "load"):
+                self._last = begin_s, self._read(begin_s)
+        return self._last[1]
+
+    def _read(self, begin_s: float) -> _Stretch:
+        site, places = self.site, self.result.asked.of_site
+        limits = {"begin": begin_s - _OVERLAP_S, "end": begin_s + _STRETCH_S}
+        seen = {
+            name: site.camera_tracks(name, keypoints=False, **limits)  # type: ignore[arg-type]
+            for name in site.cameras
+        }
         stage = Stage(
-            tracks=tracks,
+            tracks=fused(list(seen.values()), STEP_S),
             image_size=(1, 1),
             step_s=STEP_S,
             zones=in_site(places, "zone", site),
             lines=in_site(places, "line", site),
         )
-        result.rows += len(tracks)
-        if len(tracks):
-            yield _Stretch(seen, stage)
-        begin += _STRETCH_S
+        return _Stretch(seen, stage)
 
 
-def _search_stretch(result: SearchResult, stretch: _Stretch) -> None:
-    asked = result.asked
+def _memory(stretches: _Stretches, progress: Progress) -> Memory | None:
+    """Where others were whom the words speak of, in all cameras; None where they do not."""
+    site, asked = stretches.site, stretches.result.asked
+    if not asked.query.activity.spots:
+        return None
+    start_s = site.start.timestamp() if site.start is not None else 0.0
+    clips = [
+        (camera, Clip(run, start_s + shift_s))
+        for camera in site.cameras
+        for run, shift_s in site.runs(camera)
+    ]
+    pieces = {
+        str(begin_s): Piece(
+            partial(_stage_of, stretches, begin_s),
+            asked.scene.classes,
+            partial(_clips_of, stretches, begin_s, clips, start_s),
+            start_s=start_s,
+        )
+        for begin_s in stretches.begins
+    }
+    return Memory(asked.query.activity, pieces, [clip for _, clip in clips], progress)
+
+
+def _stage_of(stretches: _Stretches, begin_s: float) -> Stage:
+    return stretches(begin_s).stage
+
+
+def _clips_of(
+    stretches: _Stretches,
+    stretch_s: float,
+    clips: Sequence[tuple[str, Clip]],
+    start_s: float,
+    tracks: Int[np.ndarray, "n"],
+    begin_s: Float[np.ndarray, "n"],
+    end_s: Float[np.ndarray, "n"],
+) -> Int[np.ndarray, "n"]:
+    """The clip that shows each: of the camera with most rows of it, the one nearest in time."""
+    stretch = stretches(stretch_s)
+    names = list(stretch.seen)
+    count = np.zeros((len(names), len(tracks)), int)
+    for number, name in enumerate(names):
+        seen = stretch.seen[name]
+        if len(seen):
+            stage = Stage(seen, (1, 1), STEP_S)
+            at = np.searchsorted(seen.track[stage.first_row], tracks)
+            known = np.append(seen.track[stage.first_row], -1)[at] == tracks
+            ends_s = np.clip([begin_s - STEP_S, end_s + STEP_S], *stage.span_s)
+            low, high = (np.searchsorted(stage.line_s, stage.on_line(at, t)) for t in ends_s)
+            count[number] = np.where(known, high - low, 0)
+    best = count.argmax(axis=0)
+    outside = np.empty((len(clips), len(tracks)))
+    for number, (camera, clip) in enumerate(clips):
+        first_s, last_s = (t + clip.start_s - start_s for t in clip.run.span_s or (np.inf, np.inf))
+        away_s = np.maximum(np.maximum(first_s - begin_s, begin_s - last_s), 0.0)
+        outside[number] = np.where(best == names.index(camera), away_s, np.inf)
+    return outside.argmin(axis=0)
+
+
+def _search_stretch(result: SearchResult, stretch: _Stretch, name: str) -> None:
+    asked, memory = result.asked, result.memory
     activity = asked.query.activity
+    if memory is not None:
+        stretch = replace(stretch, stage=memory.seen_from(stretch.stage, name))
     judged = judge(stretch.stage, activity, min_score=min(asked.least_score, 1.0))
     result.candidates += judged.casts
-    for event in judged.events:
-        if not asked.wants(event):
-            continue
+    events = [event for event in judged.events if asked.wants(event)]
+    spots = [()] * len(events) if memory is None else memory.found(stretch.stage, events)
+    for event, near in zip(events, spots, strict=True):
         found = _seen_best(event, stretch, asked)
         if found is not None:
+            found = replace(found, spots=tuple(_on_ground_of(found, spot, asked) for spot in near))
             course = course_of(stretch.stage, activity, event) or Course(np.zeros(1), {})
             shift_s = event.begin_s - found.event.begin_s
             course = replace(course, time_s=course.time_s - shift_s)
@@ -142,6 +209,14 @@ def _seen_best(event: Event, stretch: _Stretch, asked: Asked) -> FoundEvent | No
     around = _own(stretch.seen[cameras[0]], event, site.placements[cameras[0]], shift_s)
     across = _told(event.roles, cameras, event.begin_s, event.end_s)
     return FoundEvent(here, run, frames[0], frames[1], around, across=across)
+
+
+def _on_ground_of(found: FoundEvent, spot: FoundSpot, asked: Asked) -> FoundSpot:
+    """A spot on the ground of the camera in whose clip an event is shown."""
+    assert asked.site is not None and found.across is not None
+    placement = asked.site.placements[found.across["cameras"][0]]
+    x_m, y_m = placement.inverse().points(np.array([spot.xy_m]))[0].tolist()
+    return replace(spot, xy_m=(x_m, y_m))
 
 
 def _outside(run: Run, time_s: float) -> float:

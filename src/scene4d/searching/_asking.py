@@ -24,6 +24,11 @@ from scene4d.store.site import Site
 EVERYTHING = "all activities"
 """Asks for every activity of the catalogue."""
 _DAY_S = 86_400.0
+_OF_PICTURES = {
+    *("appears", "appears_from", "disappears", "disappears_into"),
+    *("stooping", "arm_moving_up", "arm_moving_down"),
+}
+"""Predicates that look at boxes or bodies, which belong to one camera's picture."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +111,7 @@ def understand(scene: Scene | Site, words: str, options: SearchOptions) -> Asked
         )
     if query.window is not None:
         notes += _check_window(scene, query)
-    notes += _check_clocks(scene, query)
+    notes += _check_clocks(scene, query, is_one=site is not None and not of_pictures(query))
     places = named if site is None else in_cameras(named, site)
     return Asked(scene, query, options, places, tuple(notes), site, named)
 
@@ -228,8 +233,15 @@ def _check_window(scene: Scene, query: Query) -> list[str]:
     return notes
 
 
-def _check_clocks(scene: Scene, query: Query) -> list[str]:
-    """Notes on which clips are compared; raises where days are asked for and none is known."""
+def of_pictures(query: Query) -> bool:
+    """Whether a search looks at pictures, so that each camera of a site is searched by itself."""
+    return any(term.predicate in _OF_PICTURES for term in query.activity.every_term)
+
+
+def _check_clocks(scene: Scene, query: Query, *, is_one: bool) -> list[str]:
+    """Notes on which clips are compared, unless all share ground and clock (``is_one``); raises
+    where days are asked for and none is known.
+    """
     if not query.activity.spots:
         return []
     runs = [run for run in scene.runs if run.rows]
@@ -240,14 +252,19 @@ def _check_clocks(scene: Scene, query: Query) -> list[str]:
                 f"{query.text!r} asks for {str(spot.when)!r}, but the start of the footage is "
                 "unknown: track it again with its start, such as 2026-11-20T08:00:00Z"
             )
-    notes = []
+    notes: list[str] = []
+    if is_one:
+        return notes
     if unknown and len(runs) > 1:
         notes.append(
             f"the start of {unknown} of {len(runs)} clips is not known: who was where is looked up "
             "in the same clip only there"
         )
     if len(scene.cameras) > 1:
-        notes.append("who was where is looked up in the same camera: they share no ground yet")
+        notes.append(
+            "who was where is looked up in the same camera: boxes are compared in one picture, and "
+            "cameras share no ground until scene4d align has made them a site"
+        )
     return notes
 
 

@@ -22,7 +22,7 @@ from scene4d.searching._asking import (
     within_window,
 )
 from scene4d.searching._places import Places
-from scene4d.searching._spots import Memory
+from scene4d.searching._spots import Clip, Memory, pieces_of_runs, start_s
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._terms import lag_of, places_of
 from scene4d.searching.activities.course import course_of
@@ -123,7 +123,7 @@ class _Reader:
                 stage = staged_run(asked, run, self._calibrations[run.camera], self._also)
             self._last = run, stage
         memory = self._result.memory
-        return self._last[1] if memory is None else memory.seen_from(self._last[1], run)
+        return self._last[1] if memory is None else memory.seen_from(self._last[1], run.run)
 
 
 def _memory(
@@ -139,7 +139,8 @@ def _memory(
         for run in asked.scene.runs
         if run.rows and run.camera in cameras and (run.run in names or (known and run.start_known))
     ]
-    return Memory(asked.query.activity, there, reader, progress)
+    clips = [Clip(run, start_s(run)) for run in there]
+    return Memory(asked.query.activity, pieces_of_runs(there, reader), clips, progress)
 
 
 def explained(result: SearchResult) -> None:

@@ -1,11 +1,13 @@
-"""Where others were, in all runs of a scene: collected once, then looked up run by run.
+"""Where others were, in all that is searched: collected once, then looked up piece by piece.
 
-The positions of a camera's runs share its ground and its calibration. Where the start of the
-footage is known, times are UTC; else a run has a clock of its own and sees its own spots only.
+A piece is a run of a scene, or an hour of a site. The positions of a camera's runs share its ground
+and its calibration, all of a site share the site's. Where the start of the footage is known, times
+are UTC; else a run has a clock of its own and sees its own spots only.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from jaxtyping import Int
@@ -18,7 +20,7 @@ from scene4d.searching.activities.definition import Activity, Spot
 from scene4d.searching.activities.search import judge
 from scene4d.searching.predicates._meeting import expand, runs
 from scene4d.searching.predicates._registry import PREDICATES
-from scene4d.searching.predicates._spots import Spots, SpotTable
+from scene4d.searching.predicates._spots import Spots, SpotTable, own_covariance_m2
 from scene4d.searching.predicates.stage import Stage
 from scene4d.store.runs import Run
 
@@ -33,8 +35,50 @@ _MOST = 4_000_000
 they stood is a thousandth of it."""
 _ROUNDING_S = 1e-6
 
-Staged = Callable[[Run], Stage]
-"""Reads a run as a stage."""
+Clips = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""Takes tracks, and from when to when (s) each was somewhere: the number of the clip that shows it
+best."""
+
+
+@dataclass(frozen=True)
+class Clip:
+    """Footage in which spots are shown: its run, and what it begins with on their clock (s)."""
+
+    run: Run
+    start_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A part of what is searched: its rows lie on the ground ``frame``, and ``start_s`` turns their
+    times into those of ``clock``, both by number. ``run`` is the number of its only clip; None in
+    a site, where a track's number is an identity and belongs to it in all pieces.
+    """
+
+    stage: Callable[[], Stage]
+    classes: Collection[str]
+    clips: Clips
+    frame: int = 0
+    clock: int = 0
+    start_s: float = 0.0
+    run: int | None = None
+
+
+def pieces_of_runs(runs: Sequence[Run], staged: Callable[[Run], Stage]) -> dict[str, Piece]:
+    """A piece for each run of a scene, under its name; ``staged`` reads it."""
+    cameras = sorted({run.camera for run in runs})
+    return {
+        run.run: Piece(
+            partial(staged, run),
+            run.classes,
+            partial(_same_clip, number),
+            cameras.index(run.camera),
+            0 if run.start_known else 1 + number,
+            start_s(run),
+            number,
+        )
+        for number, run in enumerate(runs)
+    }
 
 
 @dataclass(frozen=True)
@@ -58,32 +102,32 @@ class FoundSpot:
 
 
 class Memory:
-    """The spots that an activity names, of all ``runs``, which are read one after the other."""
+    """The spots that an activity names, of all ``pieces`` by their names, which are read one after
+    the other, and the ``clips`` in which they are shown.
+    """
 
     def __init__(
-        self, activity: Activity, runs: Sequence[Run], staged: Staged, progress: Progress
+        self,
+        activity: Activity,
+        pieces: Mapping[str, Piece],
+        clips: Sequence[Clip],
+        progress: Progress,
     ) -> None:
-        self._activity, self._runs = activity, runs
-        self._number = {run.run: number for number, run in enumerate(runs)}
-        cameras = sorted({run.camera for run in runs})
-        # With several cameras on one ground, positions are turned into it here, and the frame is
-        # that ground.
-        self._frame = {camera: number for number, camera in enumerate(cameras)}
-        with progress.stage("Looking back", len(runs)) as step:
-            self._tables = self._collected(staged, step)
+        self._activity, self._pieces, self._clips = activity, pieces, clips
+        with progress.stage("Looking back", len(pieces)) as step:
+            self._tables = self._collected(step)
 
-    def seen_from(self, stage: Stage, run: Run) -> Stage:
-        """The stage of a run with the spots that share its ground and clock."""
-        spots = {}
+    def seen_from(self, stage: Stage, name: str) -> Stage:
+        """The stage of a piece with the spots that share its ground and clock."""
+        piece, spots = self._pieces[name], {}
         for spot in self._activity.spots:
             table = self._tables[spot.name]
-            same = table.frame == self._frame[run.camera]
-            same &= table.clock == self._clock(run)
+            same = (table.frame == piece.frame) & (table.clock == piece.clock)
             spots[spot.name] = Spots(
                 table.select(same),
                 spot.when,
-                run=self._number[run.run],
-                start_s=_start_s(run),
+                run=piece.run,
+                start_s=piece.start_s,
                 span_s=stage.span_s,
                 factor=stage.camera_factor,
             )
@@ -117,22 +161,19 @@ class Memory:
     def _told(
         self, name: str, role: str, spot: SpotTable, apart_m: float, tau_m: float, p: float
     ) -> FoundSpot:
-        run = self._runs[int(spot.run[0])]
-        begin_s, end_s = (float(t[0]) - _start_s(run) for t in (spot.begin_s, spot.end_s))
+        clip = self._clips[int(spot.run[0])]
+        run = clip.run
+        begin_s, end_s = (float(t[0]) - clip.start_s for t in (spot.begin_s, spot.end_s))
         x_m, y_m = spot.xy_m[0].tolist()
         track = int(spot.track[0])
         return FoundSpot(name, role, run, track, begin_s, end_s, (x_m, y_m), apart_m, tau_m, p)
 
-    def _clock(self, run: Run) -> int:
-        return 0 if run.start_known else 1 + self._number[run.run]
-
-    def _collected(self, staged: Staged, step: Callable[[int], None]) -> Mapping[str, SpotTable]:
+    def _collected(self, step: Callable[[int], None]) -> Mapping[str, SpotTable]:
         parts: dict[str, list[SpotTable]] = {spot.name: [] for spot in self._activity.spots}
-        for run in self._runs:
+        for piece in self._pieces.values():
             for spot in self._activity.spots:
-                if all(set(r.classes) & set(run.classes) for r in spot.activity.roles):
-                    stage = staged(run)
-                    parts[spot.name].append(self._of_run(stage, run, spot))
+                if all(set(r.classes) & set(piece.classes) for r in spot.activity.roles):
+                    parts[spot.name].append(_spots_of(piece, spot))
                     total = sum(map(len, parts[spot.name]))
                     if total > _MOST:
                         raise InputError(
@@ -145,49 +186,56 @@ class Memory:
             for name, tables in parts.items()
         }
 
-    def _of_run(self, stage: Stage, run: Run, spot: Spot) -> SpotTable:
-        """Where the doer of each event was during its state: a spot for each square of
-        :data:`_CELL_M` and visit.
-        """
-        events = judge(stage, spot.activity, min_score=_LEAST_SCORE).events
-        who = [event.roles[spot.doer] for event in events]
-        names = [phase.name for phase in spot.activity.phases]
-        at = slice(None) if spot.phase is None else names.index(spot.phase)
-        lasted = [np.ravel(event.phases_s[at]) for event in events]
-        spans_s = [(float(times.min()), float(times.max())) for times in lasted]
-        owner, rows = _rows(stage, who, spans_s)
-        tracks = stage.tracks
-        placed = np.isfinite(tracks.xy_m[rows]).all(axis=1)
-        owner, rows = owner[placed], rows[placed]
-        if len(rows) == 0:
-            return _nowhere()
-        cell = np.floor(tracks.xy_m[rows] / _CELL_M).astype(np.int64)
-        order = np.lexsort((tracks.time_s[rows], cell[:, 1], cell[:, 0], owner))
-        owner, rows, cell = owner[order], rows[order], cell[order]
-        time_s = tracks.time_s[rows]
-        visit = np.cumsum(np.diff(time_s, prepend=time_s[0]) > _VISIT_S)
-        first = runs(owner, cell[:, 0], cell[:, 1], visit)
-        last = np.append(first[1:], len(rows)) - 1
-        count = (last - first + 1)[:, None]
-        xy = np.add.reduceat(tracks.xy_m[rows], first) / count
-        off = tracks.xy_m[rows] - np.repeat(xy, count[:, 0], axis=0)
-        scatter = off[:, :, None] * off[:, None, :] + tracks.covariance_m2[rows]
-        n = len(first)
-        return SpotTable(
-            xy_m=xy,
-            covariance_m2=np.add.reduceat(scatter, first) / count[:, :, None],
-            begin_s=time_s[first] + _start_s(run),
-            end_s=time_s[last] + _start_s(run),
-            clock=np.full(n, self._clock(run)),
-            frame=np.full(n, self._frame[run.camera]),
-            run=np.full(n, self._number[run.run]),
-            track=tracks.track[rows[first]],
-            score=np.array([event.score for event in events])[owner[first]],
-        )
+
+def _same_clip(number: int, tracks: np.ndarray, *_: np.ndarray) -> np.ndarray:
+    return np.full(len(tracks), number)
 
 
-def _start_s(run: Run) -> float:
-    """What a run's clip begins with on its clock."""
+def _spots_of(piece: Piece, spot: Spot) -> SpotTable:
+    """Where the doer of each event was during its state: a spot for each square of
+    :data:`_CELL_M` and visit.
+    """
+    stage = piece.stage()
+    events = judge(stage, spot.activity, min_score=_LEAST_SCORE).events
+    who = [event.roles[spot.doer] for event in events]
+    names = [phase.name for phase in spot.activity.phases]
+    at = slice(None) if spot.phase is None else names.index(spot.phase)
+    lasted = [np.ravel(event.phases_s[at]) for event in events]
+    spans_s = [(float(times.min()), float(times.max())) for times in lasted]
+    owner, rows = _rows(stage, who, spans_s)
+    tracks = stage.tracks
+    placed = np.isfinite(tracks.xy_m[rows]).all(axis=1)
+    owner, rows = owner[placed], rows[placed]
+    if len(rows) == 0:
+        return _nowhere()
+    cell = np.floor(tracks.xy_m[rows] / _CELL_M).astype(np.int64)
+    order = np.lexsort((tracks.time_s[rows], cell[:, 1], cell[:, 0], owner))
+    owner, rows, cell = owner[order], rows[order], cell[order]
+    time_s = tracks.time_s[rows]
+    visit = np.cumsum(np.diff(time_s, prepend=time_s[0]) > _VISIT_S)
+    first = runs(owner, cell[:, 0], cell[:, 1], visit)
+    last = np.append(first[1:], len(rows)) - 1
+    count = (last - first + 1)[:, None]
+    xy = np.add.reduceat(tracks.xy_m[rows], first) / count
+    off = tracks.xy_m[rows] - np.repeat(xy, count[:, 0], axis=0)
+    scatter = off[:, :, None] * off[:, None, :] + own_covariance_m2(stage, rows)
+    n = len(first)
+    times_s, track = (time_s[first], time_s[last]), tracks.track[rows[first]]
+    return SpotTable(
+        xy_m=xy,
+        covariance_m2=np.add.reduceat(scatter, first) / count[:, :, None],
+        begin_s=times_s[0] + piece.start_s,
+        end_s=times_s[1] + piece.start_s,
+        clock=np.full(n, piece.clock),
+        frame=np.full(n, piece.frame),
+        run=piece.clips(track, *times_s),
+        track=track,
+        score=np.array([event.score for event in events])[owner[first]],
+    )
+
+
+def start_s(run: Run) -> float:
+    """What a run's clip begins with on its clock: UTC where it is known."""
     return run.start_ns / 1e9 if run.start_known else 0.0
 
 

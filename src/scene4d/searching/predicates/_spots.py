@@ -13,7 +13,7 @@ from scene4d.core.text import nearest
 from scene4d.searching.predicates._distance import Separation, near_probability
 from scene4d.searching.predicates._meeting import BOUND_SIGMA, MOST_SPREAD_M, runs
 from scene4d.searching.predicates._when import When
-from scene4d.searching.predicates.stage import CameraFactor, Factors, StageRows
+from scene4d.searching.predicates.stage import CameraFactor, Factors, Stage, StageRows
 
 SAME_SPOT_M = 1.5
 SAME_SPOT_SIGMA_M = 0.5
@@ -47,10 +47,12 @@ class SpotTable(Columns):
 
 
 class Spots:
-    """Those spots of a ``table`` that share ground and clock with a run.
+    """Those spots of a ``table`` that share ground and clock with the run, or the part of a site,
+    that is searched.
 
-    ``start_s`` is what the run's clip begins with on that clock; ``span_s`` its first and last
-    moment, on the clip's own; ``factor`` is the camera's.
+    ``start_s`` is what its times begin with on that clock; ``span_s`` its first and last moment, on
+    its own; ``factor`` is the camera's. Tracks of one number are one in the same ``run``; without
+    one, in a site, everywhere.
     """
 
     def __init__(
@@ -58,7 +60,7 @@ class Spots:
         table: SpotTable,
         when: When,
         *,
-        run: int,
+        run: int | None,
         start_s: float,
         span_s: tuple[float, float],
         factor: CameraFactor | None = None,
@@ -82,7 +84,7 @@ class Spots:
         rows = a.stage.rows(a.index[known])
         way = Separation.of(
             self.table.xy_m[spot] - rows.xy_m,
-            rows.covariance_m2 + self.table.covariance_m2[spot],
+            own_covariance_m2(a.stage, rows.index) + self.table.covariance_m2[spot],
             rows.camera_factor,
             None if self._factors is None else self._factors[spot],
         )
@@ -94,7 +96,8 @@ class Spots:
     def _reach_m(self, a: StageRows, tau_m: float, sigma_m: float) -> Float[np.ndarray, "m"]:
         """Distances beyond which P(near) is below 0.01."""
         own, theirs = (
-            one[:, 0, 0] + one[:, 1, 1] for one in (a.covariance_m2, self.table.covariance_m2)
+            one[:, 0, 0] + one[:, 1, 1]
+            for one in (own_covariance_m2(a.stage, a.index), self.table.covariance_m2)
         )
         spread_m = np.fmin(np.sqrt(own + theirs.max(initial=0.0)), MOST_SPREAD_M)
         return np.asarray(tau_m + BOUND_SIGMA * np.hypot(sigma_m, spread_m))
@@ -150,7 +153,10 @@ class Spots:
             table.xy_m[spots, 0] - xy[:, None, 0], table.xy_m[spots, 1] - xy[:, None, 1]
         )
         fits = self._when.fits(time_s[:, None], table.begin_s[spots], table.end_s[spots])
-        fits &= (table.track[spots] != track[:, None]) | (table.run[spots] != self._run)
+        mine = table.track[spots] == track[:, None]
+        if self._run is not None:
+            mine &= table.run[spots] == self._run
+        fits &= ~mine
         away = np.where(fits, away, np.inf)
         best = away.argmin(axis=1)[:, None]
         return (
@@ -171,6 +177,16 @@ class Spots:
             maybe = self._when.possible((start, min(stop, high)), begin_s, end_s) & ~always
             parts.append((start, stop, np.flatnonzero(maybe)))
         return parts
+
+
+def own_covariance_m2(stage: Stage, rows: Int[np.ndarray, "m"]) -> Float[np.ndarray, "m 2 2"]:
+    """Covariance of positions that were seen at different times, but for the camera's factor. In a
+    site, which has none, others may have been seen by another camera: all errors count.
+    """
+    tracks = stage.tracks
+    if stage.camera is not None or stage.camera_factor is not None:
+        return tracks.covariance_m2[rows]
+    return tracks.covariance_m2[rows] + np.nan_to_num(tracks.shared_covariance_m2[rows])
 
 
 def near_spot(
