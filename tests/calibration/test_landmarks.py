@@ -264,7 +264,6 @@ def test_the_report_lists_and_draws_them(mistyped):
     assert len(files["figures/overlay.png"]) > 10_000
 
 
-@pytest.mark.shared_data
 def test_a_real_lens_from_points_alone(shared_data):
     """Eight points of PETS 2009 by its published camera, whose lens is no model of ours."""
     truth = read_camera(shared_data / "pets2009" / "View_001.xml")

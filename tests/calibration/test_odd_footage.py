@@ -59,14 +59,12 @@ def pets_images(shared_data) -> list[np.ndarray]:
         return [frame.image_bgr for frame in sample_frames(footage, 10)]
 
 
-@pytest.mark.shared_data
 def test_a_camera_mounted_upside_down(pets_images, tmp_path):
     path = write_video(tmp_path / "hanging.mp4", turned(pets_images[:3], 2))
     with pytest.raises(InputError, match=r"hanging.mp4: turned by 180°, .*, and \d as they are"):
         run(path, PEOPLE_ONLY, Silent())
 
 
-@pytest.mark.shared_data
 def test_another_camera_at_the_end_is_left_out_and_said(pets_images, shared_data, tmp_path):
     other = cv2.imread(str(shared_data / "meva" / "frames" / "G341.jpg"))
     both = write_video(tmp_path / "both.mp4", spliced(pets_images, [other], lambda i: i == 9))

@@ -64,7 +64,6 @@ def test_footage_without_people(run, networks, tmp_path):
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_a_single_image_is_warned_of_or_refused(run, networks, pets_images, tmp_path, plain_report):
     """Nobody walks in one image: a camera of it must own how little it knows."""
     folder = save_images(tmp_path / "one", pets_images[:1])
@@ -76,7 +75,6 @@ def test_a_single_image_is_warned_of_or_refused(run, networks, pets_images, tmp_
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_a_moving_camera(run, networks, pets_images, tmp_path):
     moved = [np.roll(image, 30 * i, axis=1) for i, image in enumerate(pets_images)]
     done = run("calibrate", save_images(tmp_path / "pan", moved), "--out", tmp_path / "o")
@@ -84,7 +82,6 @@ def test_a_moving_camera(run, networks, pets_images, tmp_path):
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_frames_of_changing_size(run, networks, pets_images, tmp_path):
     images = [*pets_images[:2], cv2.resize(pets_images[2], (640, 480))]
     done = run("calibrate", save_images(tmp_path / "sizes", images), "--out", tmp_path / "o")
@@ -92,7 +89,6 @@ def test_frames_of_changing_size(run, networks, pets_images, tmp_path):
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_a_truncated_video_is_used_as_far_as_it_goes(run, networks, pets, tmp_path, plain_report):
     cut = tmp_path / "cut.avi"
     cut.write_bytes(pets.read_bytes()[:4_000_000])
@@ -161,7 +157,6 @@ def test_an_orientation_file_with_a_typo(run, known, tmp_path):
     assert_refused(done, tmp_path / "o", "orientation.json", "rol_deg")
 
 
-@pytest.mark.shared_data
 def test_a_weight_whose_hash_differs(run, pets, tmp_path, monkeypatch):
     from scene4d.perception.weights import WEIGHTS
 

@@ -52,7 +52,6 @@ def test_without_a_network_it_ends_with_camera_and_report_and_says_so(run, no_ne
     assert (out / "figures" / "overlay.png").exists()
 
 
-@pytest.mark.shared_data
 def test_with_the_video_but_no_networks_the_report_shows_the_scene(
     run, no_network, pets, tmp_path, monkeypatch
 ):
@@ -71,7 +70,6 @@ def test_with_the_video_but_no_networks_the_report_shows_the_scene(
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_the_whole_chain(run, networks, pets, tmp_path, monkeypatch, plain_report):
     """Calibrated from the embedded people, which is quick; the rest is as users see it."""
 
@@ -98,7 +96,6 @@ def test_the_whole_chain(run, networks, pets, tmp_path, monkeypatch, plain_repor
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_a_damaged_network_is_no_reason_to_fall_back(run, tmp_path, pets, monkeypatch):
     from scene4d.perception.weights import WEIGHTS
 
@@ -114,7 +111,6 @@ def test_a_damaged_network_is_no_reason_to_fall_back(run, tmp_path, pets, monkey
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_the_embedded_people_are_those_of_the_video(networks, pets):
     """A fifth of the table is made anew from the footage."""
     from types import SimpleNamespace
@@ -161,7 +157,6 @@ def test_what_is_written_is_what_is_read():
     np.testing.assert_allclose(columns["head_top_v"], people.keypoint_uv[:, 0, 1], atol=0.051)
 
 
-@pytest.mark.shared_data
 def test_the_published_camera_is_that_of_its_file(shared_data):
     path = shared_data / "pets2009" / "View_001.xml"
     assert ElementTree.parse(path).getroot().tag == "Camera"

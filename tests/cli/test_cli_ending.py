@@ -31,7 +31,6 @@ def read_until(fd: int, pattern: bytes) -> bytes:
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_ctrl_c_while_people_are_watched(networks, pets, tmp_path):
     """On a terminal, in the middle of the bar: one line, 130, and nothing is left."""
     out = tmp_path / "new" / "out"

@@ -281,7 +281,6 @@ def test_closer_looks_replace_looks_at_tiles_and_find_the_same_boxes():
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_yolox_sees_the_same_without_the_padding_of_a_square(detector, pets_frames, monkeypatch):
     boxes = {}
     for name in ("rectangle", "square"):

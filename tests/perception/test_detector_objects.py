@@ -141,7 +141,6 @@ def test_every_row_is_a_vehicle_seen_and_order_does_not_matter(rows, random):
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_pets_with_people_and_vehicles(detector, estimator, vehicle_detector, pets_frames):
     objects = ObjectDetector(detector, estimator, vehicle_detector)
     found, _ = objects.look(pets_frames[50])

@@ -26,7 +26,6 @@ def four_wheels(found):
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_both_parked_vehicles_of_pets_are_found_and_nothing_else(
     vehicle_detector, pets_frames, iou
 ):
@@ -44,7 +43,6 @@ def test_both_parked_vehicles_of_pets_are_found_and_nothing_else(
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_car_parks_of_meva(vehicle_detector, shared_data, iou):
     whole = vehicle_detector.expecting(lambda rows: np.full(len(rows), 1000.0))
     found, false, there = {}, {}, 0
@@ -66,7 +64,6 @@ def test_car_parks_of_meva(vehicle_detector, shared_data, iou):
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_bicycles_are_found_under_their_coco_names(vehicle_detector, shared_data):
     image = cv2.imread(str(shared_data / "towncentre/frames/frame_0000.jpg"))
     found = vehicle_detector.detect(image)
@@ -77,7 +74,6 @@ def test_bicycles_are_found_under_their_coco_names(vehicle_detector, shared_data
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_boxes_are_those_of_the_picture_given_whatever_its_shape(vehicle_detector, pets_frames):
     image = pets_frames[0].image_bgr
     wide = cv2.resize(image, None, fx=1.5, fy=2, interpolation=cv2.INTER_CUBIC)
@@ -91,7 +87,6 @@ def test_boxes_are_those_of_the_picture_given_whatever_its_shape(vehicle_detecto
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 @pytest.mark.parametrize("size", [(608, 608), (416, 320)])
 def test_the_converted_network_is_that_which_opencv_reads(
     vehicle_detector, shared_data, pets_frames, size

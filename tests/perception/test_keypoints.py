@@ -57,7 +57,6 @@ def people(pets_frames, detector):
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 class TestOnRealPeople:
     def test_bodies_are_upright_and_inside_their_boxes(self, estimator, people):
         image, boxes = people

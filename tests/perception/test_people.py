@@ -106,7 +106,6 @@ def test_pictures_are_let_go():
 
 
 @pytest.mark.weights
-@pytest.mark.shared_data
 def test_pets_end_to_end(detector, estimator, pets_frames, pets_truth):
     people = PeopleDetector(detector, estimator)
     found = detect_people(pets_frames[40:70], people)

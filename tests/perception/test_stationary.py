@@ -78,7 +78,6 @@ def test_of_a_short_clip_or_without_times_nothing_is_said():
     assert stationary(Detections.from_boxes((9, 9), np.empty(0), np.empty((0, 4)))).shape == (0,)
 
 
-@pytest.mark.shared_data
 def test_nobody_of_pets_is_a_mannequin(pets_truth):
     frames = [(f, b) for f in sorted(pets_truth)[::8] for b in pets_truth[f][0]]
     index = np.array([f for f, _ in frames])

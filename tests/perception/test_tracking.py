@@ -149,7 +149,6 @@ def test_histograms_tell_clothes_apart_and_forgive_the_light():
     assert overlap(red, blue) < 0.5
 
 
-@pytest.mark.shared_data
 @pytest.mark.parametrize(
     ("step", "least_pure", "least_complete"),
     [(1, 0.96, 0.75), (4, 0.97, 0.4), (8, 0.98, 0.3), (16, 0.98, 0.15)],
@@ -164,7 +163,6 @@ def test_pets_by_position_alone(pets_truth, step, least_pure, least_complete):
     assert completeness(tracks, people) >= least_complete
 
 
-@pytest.mark.shared_data
 @pytest.mark.parametrize(
     ("stride", "least_pure", "least_complete"), [(1, 0.98, 0.65), (2, 0.96, 0.5)]
 )

@@ -271,7 +271,6 @@ def test_the_packaged_network_says_how_often_tilts_were_trained():
     np.testing.assert_allclose(np.exp(json.loads(kept.value)), p, rtol=2e-3)
 
 
-@pytest.mark.shared_data
 def test_neighbouring_panoramas_share_a_split(shared_data):
     with (shared_data / "panoramas" / "SOURCES.csv").open(newline="") as file:
         names = [row["file"] for row in csv.DictReader(file)]
