@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from scene4d.core.people import Detections
 from scene4d.perception.stationary import stationary
