@@ -69,7 +69,7 @@ class Scene:
         frame = SimpleNamespace(index=self.index, time_s=self.index / 10, image_bgr=image)
         self.index += 1
         before = len(self.cars.shown)
-        found, _ = self.objects.look(frame)
+        found, *_ = self.objects.look(frame)
         self.looked = len(self.cars.shown) > before
         return found.select(found.class_name == "car").box_xyxy
 
@@ -188,7 +188,8 @@ def test_looking_at_many_frames_side_by_side_finds_what_one_after_the_other_find
             found.append([moment[2:] for moment in scene.objects.looks(iter(frames))])
         else:
             found.append([scene.objects.look(frame) for frame in frames])
-    for (a, colours), (b, same) in zip(*found, strict=True):
+    for (a, colours, read), (b, same, read_again) in zip(*found, strict=True):
+        assert np.array_equal(read, read_again, equal_nan=True)
         assert a.frame.tolist() == b.frame.tolist() and len(a) >= 1
         assert np.array_equal(a.box_xyxy, b.box_xyxy) and np.array_equal(colours, same)
 
@@ -269,7 +270,7 @@ def test_closer_looks_replace_looks_at_tiles_and_find_the_same_boxes():
         walkers = [(60 + 4 * k, 200, 80 + 4 * k, 260), (400 - 3 * k, 300, 420 - 3 * k, 360)]
         image = picture(*((w, 255) for w in walkers), seed=k)
         before = len(detector.shown)
-        found, _ = objects.look(SimpleNamespace(index=k, time_s=k / 10, image_bgr=image))
+        found, *_ = objects.look(SimpleNamespace(index=k, time_s=k / 10, image_bgr=image))
         looks = detector.shown[before:]
         close += sum(size in detector.canvases for size in looks)
         assert len(looks) == tiles or k % 10

@@ -47,7 +47,7 @@ CAR = ("car", 0.9, 100, 50, 160, 90)
 def test_people_first_then_vehicles_with_empty_keypoints():
     people = Script(PERSON, ("person", 0.6, 70, 10, 90, 70), ("dog", 0.9, 0, 0, 9, 9))
     objects = ObjectDetector(people, Points(), Script(BICYCLE, CAR, ("person", 0.9, 0, 0, 9, 9)))
-    found, colours = objects.look(FRAME)
+    found, colours, _ = objects.look(FRAME)
     assert found.class_name.tolist() == ["person", "person", "car", "bicycle"]
     assert found.score.tolist() == [0.8, 0.6, 0.9, 0.7]
     assert found.box_xyxy[2].tolist() == list(CAR[2:])
@@ -63,23 +63,23 @@ def test_people_first_then_vehicles_with_empty_keypoints():
 
 
 def test_a_rider_stays_a_person_beside_the_bicycle():
-    found, _ = ObjectDetector(Script(PERSON), None, Script(BICYCLE)).look(FRAME)
+    found, *_ = ObjectDetector(Script(PERSON), None, Script(BICYCLE)).look(FRAME)
     assert found.class_name.tolist() == ["person", "bicycle"]
 
 
 def test_one_detector_can_do_both():
     both = Script(PERSON, CAR, ("toaster", 0.9, 0, 0, 9, 9))
-    found, _ = ObjectDetector(both).look(FRAME)
+    found, *_ = ObjectDetector(both).look(FRAME)
     assert found.class_name.tolist() == ["person", "car"]
     assert both.calls == 1
 
 
 def test_nothing_at_all_is_a_table_that_can_be_joined():
     objects = ObjectDetector(Script(), Points(), Script())
-    found, colours = objects.look(FRAME)
+    found, colours, _ = objects.look(FRAME)
     assert len(found) == 0
     assert colours.shape == (0, 48)
-    busy, _ = ObjectDetector(Script(PERSON), Points(), Script(CAR)).look(FRAME)
+    busy, *_ = ObjectDetector(Script(PERSON), Points(), Script(CAR)).look(FRAME)
     joined = type(found).concatenate([found, busy, found])
     assert joined.class_name.tolist() == ["person", "car"]
     assert joined.class_name.dtype == found.class_name.dtype
@@ -143,7 +143,7 @@ def test_every_row_is_a_vehicle_seen_and_order_does_not_matter(rows, random):
 @pytest.mark.weights
 def test_pets_with_people_and_vehicles(detector, estimator, vehicle_detector, pets_frames):
     objects = ObjectDetector(detector, estimator, vehicle_detector)
-    found, _ = objects.look(pets_frames[50])
+    found, *_ = objects.look(pets_frames[50])
     assert found.keypoint_names == HALPE26
     assert sorted(found.class_name.tolist()) == ["car", "person", "person", "person", "truck"]
     assert (found.keypoint_score[found.class_name == "person"].mean(axis=1) > 0.3).all()

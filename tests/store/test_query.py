@@ -474,23 +474,32 @@ def test_names_and_folders_that_mean_something_to_sql(tmp_path):
     assert scene.sql("SELECT count(*) AS n FROM scene")["n"].to_pylist() == [60]
 
 
-@pytest.mark.parametrize("missing", [9, 8])
+@pytest.mark.parametrize("missing", [10, 9, 1])
 def test_runs_of_before_columns_were_added_are_read_beside_new_ones(tmp_path, monkeypatch, missing):
     from scene4d.store import runs, schema
 
     whole = schema.COLUMNS
     old = walk(30)
-    new = replace(walk(30), existence_probability=np.full(30, 0.9))
+    colours = np.random.default_rng(0).random((30, 46)).astype(np.float32)
+    colours[:5, 23:], colours[5:8] = 0.0, 0.0
+    new = replace(walk(30), existence_probability=np.full(30, 0.9), colours=colours)
     with monkeypatch.context() as before:
         for module in (runs, schema):
             before.setattr(module, "COLUMNS", whole[:-missing])
         store(tmp_path, old, run="old")
     only = Scene.open(tmp_path).tracks()
-    assert np.isnan(only.existence_probability).all() == (missing == 9)
-    assert np.isnan(only.z_m).all() and np.isnan(only.size_m).all()
+    assert np.isnan(only.existence_probability).all() == (missing == 10)
+    assert (np.isnan(only.z_m).all() and np.isnan(only.size_m).all()) == (missing > 1)
+    assert only.colours.shape == (30, 0)
     store(tmp_path, new, run="new")
     both = Scene.open(tmp_path)
-    assert both.sql("SELECT count(z_m) AS n FROM scene")["n"].to_pylist() == [30]
+    assert both.sql("SELECT count(z_m) AS n FROM scene")["n"].to_pylist() == [
+        60 - 30 * (missing > 1)
+    ]
+    assert both.sql("SELECT count(colours) AS n FROM scene")["n"].to_pylist() == [27]
     found = both.only("new").tracks()
     assert (found.existence_probability == 0.9).all()
+    np.testing.assert_allclose(
+        found.colours, new.select(np.lexsort((new.time_s, new.track))).colours, atol=6e-5
+    )
     assert len(both.tracks()) == 60

@@ -34,7 +34,9 @@ class Perfect:
         found = detections(frame.index % (FPS * SECONDS))  # who leaves the picture comes again
         n = len(found)
         found = replace(found, frame=np.full(n, frame.index), time_s=np.full(n, frame.time_s))
-        return found, np.full((len(found), 4), 0.25, np.float32)
+        # Everybody is in red and dark blue.
+        readings = np.tile(np.float32([44, 50, 25, 1, 20, 4, -20, 1]), (n, 1))
+        return found, np.full((n, 4), 0.25, np.float32), readings
 
     def looks(self, frames):
         return ((frame.index, frame.time_s, *self.look(frame)) for frame in frames)

@@ -392,9 +392,9 @@ class Walkers:
         if frame.time_s >= 0.5:
             self.meanwhile()
             self.meanwhile = lambda: None
-        found, colours = self._perfect.look(frame)
+        found, colours, readings = self._perfect.look(frame)
         rows = np.arange(len(found)) if frame.time_s < 3 else np.arange(1, len(found))
-        return found.select(rows), colours[rows]
+        return found.select(rows), colours[rows], readings[rows]
 
 
 class Hook(BaseHTTPRequestHandler):

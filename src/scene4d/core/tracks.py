@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Float32, Int
 
 from scene4d.core.body import HALPE26
 from scene4d.core.columns import Columns
@@ -87,6 +87,10 @@ class Tracks(Columns):
     ``size_m`` is length, width and height of the whole track as known when a row became final, with
     standard deviations that include the camera's error; people have only a height. All four are NaN
     where unknown (the default).
+
+    ``colours`` are probabilities of the names in :data:`.colours.PALETTE`, of the upper body or a
+    vehicle's and then of the lower, of the whole track likewise; a half of zeros says nothing, and
+    no column (the default) that nothing was read.
     """
 
     track: Int[np.ndarray, "n"]
@@ -110,12 +114,15 @@ class Tracks(Columns):
     z_sigma_m: Float[np.ndarray, "n"] = None  # type: ignore[assignment]
     size_m: Float[np.ndarray, "n 3"] = None  # type: ignore[assignment]
     size_sigma_m: Float[np.ndarray, "n 3"] = None  # type: ignore[assignment]
+    colours: Float[np.ndarray, "n c"] | Float32[np.ndarray, "n c"] = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         for name in ("existence_probability", "z_m", "z_sigma_m", "size_m", "size_sigma_m"):
             if getattr(self, name) is None:
                 shape = (len(self.track), 3) if "size" in name else (len(self.track),)
                 object.__setattr__(self, name, np.full(shape, np.nan))
+        if self.colours is None:
+            object.__setattr__(self, "colours", np.zeros((len(self.track), 0), np.float32))
         self.check_rows("tracks")
 
     @property
@@ -175,7 +182,15 @@ class Tracks(Columns):
             raise InputError("tracks: nothing to concatenate")
         if len({part.keypoint_uv.shape[1] for part in parts}) > 1:
             raise InputError("tracks: the parts differ in their keypoints")
-        return cls.joined(parts)
+        most = max(part.colours.shape[1] for part in parts)
+        return cls.joined([_with_colours(part, most) for part in parts])
+
+
+def _with_colours(tracks: Tracks, columns: int) -> Tracks:
+    """Zeros where nothing was read."""
+    if tracks.colours.shape[1] == columns:
+        return tracks
+    return replace(tracks, colours=np.zeros((len(tracks), columns), np.float32))
 
 
 def _symmetric(prefix: str, matrix: Float[np.ndarray, "n 2 2"]) -> dict[str, np.ndarray]:

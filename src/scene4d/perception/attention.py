@@ -18,6 +18,7 @@ from scene4d.perception._motion import Motion
 from scene4d.perception._postures import Postures
 from scene4d.perception._scene import Scene
 from scene4d.perception._standing import Vehicles
+from scene4d.perception.colours import ColourReader
 from scene4d.perception.detectors._base import Detector
 
 _PEOPLE_S = 1.0
@@ -43,6 +44,7 @@ class Attention:
         self.postures = Postures()
         self.colours: dict[int, np.ndarray] = {}
         """Of the people in the last frame, by their numbers."""
+        self.reader = ColourReader()
         self._motion: Motion | None = None
         self._people = Gaze(self._people_detector, _PEOPLE_S)
         also = self._vehicle_detector

@@ -16,6 +16,7 @@ from scene4d.core.tracks import CLASSES
 from scene4d.perception._duplicates import boxes_of, one_per_vehicle
 from scene4d.perception._scene import Scene
 from scene4d.perception.attention import Attention
+from scene4d.perception.colours import COLUMNS
 from scene4d.perception.detectors._base import Detector
 from scene4d.perception.detectors.tiles import ExpectedPersonPx, TiledDetector
 
@@ -50,8 +51,9 @@ class TimedImage(Protocol):
         ...
 
 
-Moment = tuple[int, float, Detections, Float32[np.ndarray, "n 48"]]
-"""Index and time of a frame, its detections, and the colours of every row."""
+Moment = tuple[int, float, Detections, Float32[np.ndarray, "n 48"], Float32[np.ndarray, "n 8"]]
+"""Index and time of a frame, its detections, and of every row the histograms of colours, by which
+it is known again, and the readings, by which the colours are named."""
 
 
 @runtime_checkable
@@ -112,8 +114,11 @@ class ObjectDetector:
         if self.attention is not None:
             self.attention.begin()
 
-    def look(self, frame: TimedImage) -> tuple[Detections, Float32[np.ndarray, "n 48"]]:
-        """Detections in a frame, and the colours of every row (see ``colour_histograms``).
+    def look(
+        self, frame: TimedImage
+    ) -> tuple[Detections, Float32[np.ndarray, "n 48"], Float32[np.ndarray, "n 8"]]:
+        """Detections in a frame, and the colours of every row: see ``colour_histograms``, and
+        :class:`.ColourReader`, of which there is one with an attention only (else NaN).
 
         People (best first), then vehicles (best first), with the names in ``CLASSES``. A rider and
         the bicycle are two rows. Keypoints of vehicles are NaN with score 0.
@@ -140,7 +145,7 @@ class ObjectDetector:
 
     def _completed(
         self, frame: TimedImage, found: sv.Detections, scene: Scene | None
-    ) -> tuple[Detections, Float32[np.ndarray, "n 48"]]:
+    ) -> tuple[Detections, Float32[np.ndarray, "n 48"], Float32[np.ndarray, "n 8"]]:
         """All of a frame in which people were found."""
         image = frame.image_bgr
         vehicles, people = self._vehicles(image, found, scene), _persons(found)
@@ -165,7 +170,13 @@ class ObjectDetector:
             keypoint_score=np.concatenate([uv_score, np.zeros((m, len(names)))]),
             keypoint_names=names,
         )
-        return table, colours
+        with timed(self.timings, "appearance"):
+            return table, colours, self._readings(frame, table)
+
+    def _readings(self, frame: TimedImage, table: Detections) -> Float32[np.ndarray, "n 8"]:
+        if self.attention is None:
+            return np.full((len(table), COLUMNS), np.nan, np.float32)
+        return self.attention.reader.read(frame.image_bgr, frame.time_s, table)
 
     def _keypoints(self, frame: TimedImage, people: sv.Detections) -> tuple[np.ndarray, np.ndarray]:
         """Keypoints (n, k, 2) of the people in a frame, and their scores (n, k)."""

@@ -36,7 +36,7 @@ class PeopleDetector:
 
         A frame without a time has no tracks (-1).
         """
-        found, colours = ObjectDetector(self.detector, self.keypoints).look(frame)
+        found, colours, _ = ObjectDetector(self.detector, self.keypoints).look(frame)
         people = found.class_name == "person"
         found, colours = found.select(people), colours[people]
         if self.tracker is None or not np.isfinite(frame.time_s):

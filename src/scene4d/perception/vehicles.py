@@ -95,6 +95,6 @@ class VehicleDetector:
 
     def look(self, frame: TimedImage) -> Detections:
         """The vehicles in one frame, with tracks; give frames in order of time."""
-        found, _ = self._objects.look(frame)
+        found, *_ = self._objects.look(frame)
         found = found.select(np.isin(found.class_name, VEHICLES))
         return replace(found, track=self._tracker.update(found.box_xyxy, frame.time_s))

@@ -35,6 +35,7 @@ from scene4d.searching.result import FoundEvent, SearchResult
 from scene4d.searching.stages import STEP_S, kept_moments, stage_of
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
+from scene4d.store.schema import COLOURS
 from scene4d.store.site import Site
 from scene4d.store.site_file import is_site
 
@@ -217,6 +218,8 @@ def staged_run(
     """
     everybody = "annotations" not in run.provenance
     groups = _groups(asked.query.activity) | set(also) | (set() if everybody else {"box"})
+    if COLOURS in groups:
+        _check_colours(run)
     tracks, step_s = lean_tracks(asked.scene.only(run.run), STEP_S, groups)
     places: Places = asked.places
     stage = stage_of(
@@ -241,6 +244,17 @@ def _groups(activity: Activity) -> set[str]:
     # Who was somewhere at any earlier time is compared where it stood.
     stood = {"velocity"} if any(np.isinf(lag_of(term)) for term in terms) else set()
     return stood.union(*(PREDICATES[term.predicate].reads for term in terms))
+
+
+def _check_colours(run: Run) -> None:
+    """Raise :class:`InputError` for a run whose tracks were never looked at for their colours."""
+    if "annotations" in run.provenance:
+        why = "come from annotations: track the footage itself"
+    elif COLOURS in run.lacks:
+        why = "were written by an earlier version: track the footage again"
+    else:
+        return
+    raise InputError(f"run {run.run!r}: its tracks have no colours, since they {why}")
 
 
 def lean_tracks(scene: Scene, step_s: float, groups: Collection[str]) -> tuple[Tracks, float]:

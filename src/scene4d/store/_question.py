@@ -10,7 +10,7 @@ import numpy as np
 
 from scene4d.core.errors import InputError
 from scene4d.store.runs import Part, Run
-from scene4d.store.schema import KEYPOINT_COLUMNS
+from scene4d.store.schema import COLOURS, COLUMNS, KEYPOINT_COLUMNS
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -128,7 +128,11 @@ def source_of(parts: Sequence[tuple[Stored, Part]]) -> str:
 
 def _nothing(columns: Sequence[str]) -> str:
     """SQL of columns that the files do not have."""
-    return "".join(f", NULL::DOUBLE AS {name_sql(name)}" for name in columns)
+    lists = {column.name for column in COLUMNS if column.type.startswith("list")}
+    return "".join(
+        f", NULL::{'FLOAT[]' if name in lists else 'DOUBLE'} AS {name_sql(name)}"
+        for name in columns
+    )
 
 
 def with_nan(column: Any) -> str:
@@ -138,6 +142,8 @@ def with_nan(column: Any) -> str:
         return (
             f"coalesce(list_transform({name}, lambda x: coalesce(x, 'nan'::FLOAT)), []) AS {name}"
         )
+    if column.name == COLOURS:
+        return f"coalesce({name}, []) AS {name}"
     if column.nullable:
         return f"coalesce({name}, 'nan'::DOUBLE) AS {name}"
     return name

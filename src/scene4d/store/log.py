@@ -1,7 +1,7 @@
 """Detections on disk, chunk by chunk, so that a killed run resumes where it stopped.
 
     settings.json     the source of the detections, and the settings that produced them
-    00000.npz         detections (and appearance) of the first chunk of frames, and so on
+    00000.npz         detections (and appearance and colours) of the first chunk, and so on
     finished.json     the number of chunks, once all are written
 
 Detection takes hours and everything after it minutes, so a rerun must not repeat it.
@@ -27,7 +27,8 @@ from scene4d.core.text import quoted
 
 _LOG_SCHEMA = "scene4d/detections/1"
 _CHUNK = re.compile(r"(\d{5,})\.npz")
-_APPEARANCE, _FRAMES, _TIMES = "appearance", "frames_seen", "times_seen"
+_APPEARANCE, _COLOURS = "appearance", "colours"
+_FRAMES, _TIMES = "frames_seen", "times_seen"
 _ABSENT = "nothing"
 
 
@@ -36,7 +37,8 @@ class Look:
     """The detections in successive analysed frames (m,), with their times.
 
     All analysed frames are listed, also those without a detection; ``detections`` are ordered by
-    frame. ``appearance`` holds one row per detection, None if unknown. Raises :class:`InputError`
+    frame. ``appearance`` (histograms) and ``colours`` (readings of upper and lower parts, see
+    :class:`.ColourReader`) hold one row per detection, None if unknown. Raises :class:`InputError`
     if the parts are inconsistent.
     """
 
@@ -44,13 +46,16 @@ class Look:
     time_s: Float[np.ndarray, "m"]
     detections: Detections
     appearance: Float[np.ndarray, "n d"] | Float32[np.ndarray, "n d"] | None = None
+    colours: Float32[np.ndarray, "n 8"] | None = None
 
     def __post_init__(self) -> None:
-        if self.appearance is not None and len(self.appearance) != len(self.detections):
-            raise InputError(
-                f"appearance: has {len(self.appearance)} rows, expected one for each of the "
-                f"{len(self.detections)} detections"
-            )
+        for name in (_APPEARANCE, _COLOURS):
+            rows = getattr(self, name)
+            if rows is not None and len(rows) != len(self.detections):
+                raise InputError(
+                    f"{name}: has {len(rows)} rows, expected one for each of the "
+                    f"{len(self.detections)} detections"
+                )
         if len(self.time_s) != len(self.frame):
             raise InputError(f"frames: {len(self.frame)} have {len(self.time_s)} times")
         if not np.isin(self.detections.frame, self.frame).all():
@@ -117,8 +122,8 @@ class DetectionLog:
         }
         columns["class_name"] = detections.class_name.astype(str)  # objects would be pickled
         columns |= {_FRAMES: look.frame, _TIMES: look.time_s}
-        if look.appearance is not None:
-            columns[_APPEARANCE] = look.appearance
+        more = {_APPEARANCE: look.appearance, _COLOURS: look.colours}
+        columns |= {name: rows for name, rows in more.items() if rows is not None}
         content = io.BytesIO()
         np.savez(content, **columns)
         write_bytes(self._path(self._complete), content.getvalue())
@@ -197,10 +202,10 @@ def _read_chunk(path: Path) -> Look:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             columns = {name: file[name] for name in file.files}
         frame, time_s = columns.pop(_FRAMES), columns.pop(_TIMES)
-        appearance = columns.pop(_APPEARANCE, None)
+        appearance, colours = columns.pop(_APPEARANCE, None), columns.pop(_COLOURS, None)
         for name in ("image_size", "keypoint_names"):
             columns[name] = tuple(columns[name].tolist())
-        return Look(frame, time_s, Detections(**columns), appearance)
+        return Look(frame, time_s, Detections(**columns), appearance, colours)
     except Exception as error:  # whatever zipfile and numpy make of damaged bytes
         raise InputError(
             f"{path}: is damaged: {quoted(str(error))}; remove it, and it is detected again"

@@ -24,6 +24,7 @@ RUN_TRACKS = 10**9
 """Track numbers reserved for each run: the n-th run of a scene begins at n times this."""
 _ROWS_PER_GROUP = 32_768
 """Rows that Parquet readers can skip at once."""
+_COLOUR_DECIMALS = 4
 LONGEST_S = 2e9
 """Footage is shorter than this; 64 bits of nanoseconds hold 9e9 s."""
 _NS = 1_000_000_000
@@ -79,15 +80,19 @@ COLUMNS: tuple[Column, ...] = (
     Column("length_sigma_m", "float64", "m"),
     Column("width_sigma_m", "float64", "m"),
     Column("height_sigma_m", "float64", "m"),
+    Column("colours", "list<float32>", "0 to 1"),
 )
 """The columns of a scene, in order. ``var_`` is the independent part of a covariance, ``shared_``
 the part due to calibration error, common to all rows. ``time`` is UTC, counted from 1970-01-01 if
 the footage's start is unknown. Positions are on the ground in the camera's metres, Z up.
 ``existence_probability`` and the sizes are a track's, as known when the row became final; ``z_m``
-is the height of the ground under it, so that its centroid is at ``z_m + height_m / 2``. New columns
+is the height of the ground under it, so that its centroid is at ``z_m + height_m / 2``. ``colours``
+are a track's too: probabilities of :data:`.colours.PALETTE` for the upper body, or for a vehicle's,
+and then for the lower body; a half of zeros is of what was not seen, null of both. New columns
 come last and can be null: runs written without them are read as if they were null."""
 COLUMN_NAMES: tuple[str, ...] = tuple(column.name for column in COLUMNS)
 KEYPOINT_COLUMNS: tuple[str, ...] = ("keypoint_u", "keypoint_v", "keypoint_score")
+COLOURS = "colours"
 GROUPS: Mapping[str, tuple[str, ...]] = {
     "velocity": ("vx_mps", "vy_mps", "var_vxx", "var_vxy", "var_vyy"),
     "heading": ("heading_rad", "heading_sigma_rad"),
@@ -97,9 +102,11 @@ GROUPS: Mapping[str, tuple[str, ...]] = {
         *("length_sigma_m", "width_sigma_m", "height_sigma_m"),
     ),
     "keypoint": KEYPOINT_COLUMNS,
+    COLOURS: (COLOURS,),
 }
 """Columns that belong together, under what the names of their fields in :class:`Tracks` begin
 with."""
+_LIST = "list<float32>"
 
 
 def _arrow_type(column: Column) -> DataType:
@@ -111,7 +118,7 @@ def _arrow_type(column: Column) -> DataType:
         # 32 bits, as pyarrow infers from the folder camera=NAME; otherwise it rejects the file.
         "dictionary<int32, string>": DataType.dictionary(DataType.int32(), DataType.utf8()),
         "timestamp[ns, UTC]": DataType.timestamp("ns", tz="UTC"),
-        "list<float32>": DataType.list(Field("element", DataType.float32(), nullable=True)),
+        _LIST: DataType.list(Field("element", DataType.float32(), nullable=True)),
     }
     return types[column.type]
 
@@ -157,7 +164,7 @@ def to_table(tracks: Tracks, *, camera: str, start_ns: int, track_base: int) -> 
     flat = tracks.columns()
     for name in (c.name for c in COLUMNS if c.type == "float64"):
         columns[name] = nulls.put(np.ascontiguousarray(flat[name], np.float64))
-    columns |= _keypoints(tracks)
+    columns |= _keypoints(tracks) | {COLOURS: _colours(tracks)}
     # Types by cast: NumPy has neither time zones nor dictionaries.
     typed = {c.name: columns[c.name].cast(_arrow_type(c)) for c in COLUMNS}
     return Table.from_pydict(typed)
@@ -226,9 +233,12 @@ def from_table(table: Table, rows: Int[np.ndarray, "m"] | None = None) -> Tracks
         return columns(*(prefix + name for name in ("xx", "xy", "xy", "yy"))).reshape(-1, 2, 2)
 
     u, v, keypoint_score = (
-        _lists(table, name)[taken] if name in there else np.zeros((n, 0))
+        _lists(table, name, 0.0 if name == "keypoint_score" else np.nan)[taken]
+        if name in there
+        else np.zeros((n, 0))
         for name in KEYPOINT_COLUMNS
     )
+    colours = _lists(table, COLOURS, 0.0)[taken] if COLOURS in there else np.zeros((n, 0))
     return Tracks(
         track=column("track"),
         class_name=_class_names(table, taken),
@@ -251,6 +261,7 @@ def from_table(table: Table, rows: Int[np.ndarray, "m"] | None = None) -> Tracks
         z_sigma_m=columns("z_sigma_m")[:, 0],
         size_m=columns("length_m", "width_m", "height_m"),
         size_sigma_m=columns("length_sigma_m", "width_sigma_m", "height_sigma_m"),
+        colours=colours.astype(np.float32),
     )
 
 
@@ -309,13 +320,24 @@ def _keypoints(tracks: Tracks) -> dict[str, Array]:
     columns = {}
     for name, values in zip(KEYPOINT_COLUMNS, (u, v, score), strict=True):
         content = nulls.put(values[~none].astype(np.float32, copy=False).ravel())
-        columns[name] = list_array(
-            Array.from_numpy(offsets.astype(np.int32)),
-            content,
-            type=DataType.list(Field("element", DataType.float32(), nullable=True)),
-            mask=Array.from_numpy(none),
-        )
+        columns[name] = _list_array(offsets, content, none)
     return columns
+
+
+def _colours(tracks: Tracks) -> Array:
+    none = np.asarray(~(tracks.colours > 0).any(axis=1))
+    offsets = np.concatenate([[0], np.cumsum(np.where(none, 0, tracks.colours.shape[1]))])
+    content = np.round(tracks.colours[~none].astype(np.float32), _COLOUR_DECIMALS).ravel()
+    return _list_array(offsets, Array.from_numpy(content), none)
+
+
+def _list_array(offsets: Int[np.ndarray, "m"], content: Array, none: np.ndarray) -> Array:
+    return list_array(
+        Array.from_numpy(offsets.astype(np.int32)),
+        content,
+        type=DataType.list(Field("element", DataType.float32(), nullable=True)),
+        mask=Array.from_numpy(none),
+    )
 
 
 def _numpy(table: Table, name: str) -> np.ndarray:
@@ -325,8 +347,8 @@ def _numpy(table: Table, name: str) -> np.ndarray:
     return np.asarray(table[name].to_numpy())
 
 
-def _lists(table: Table, name: str) -> np.ndarray:
-    """Lists of one length as a matrix; the rows of empty ones say that nothing is known."""
+def _lists(table: Table, name: str, nothing: float) -> np.ndarray:
+    """Lists of one length as a matrix; rows of empty ones are ``nothing``."""
     if not table.num_rows:
         return np.zeros((0, 0))
     column = table[name].combine_chunks()
@@ -338,6 +360,6 @@ def _lists(table: Table, name: str) -> np.ndarray:
             "ask for one camera at a time"
         )
     k = int(known[0]) if len(known) else 0
-    matrix = np.full((len(lengths), k), 0.0 if name == "keypoint_score" else np.nan)
+    matrix = np.full((len(lengths), k), nothing)
     matrix[lengths > 0] = list_flatten(column).to_numpy().reshape(-1, k) if k else 0.0
     return matrix

@@ -16,6 +16,7 @@ from scene4d.core.tracks import VEHICLES, Located, Tracks
 from scene4d.store.log import Look
 from scene4d.tracking._association import GroundTracker
 from scene4d.tracking._belief import FEWEST_SIGHTINGS, LEAST_REAL, Belief
+from scene4d.tracking._colours import Colours
 from scene4d.tracking._doubles import Doubles
 from scene4d.tracking._fixed_lag import FixedLagSmoother
 from scene4d.tracking._levels import located_on_levels
@@ -93,6 +94,7 @@ class _Follower:
         self._tracker = GroundTracker(camera=calibration.camera)
         self._doubles = Doubles()
         self._sizes = Sizes(calibration, person_height_m)
+        self._colours = Colours()
         self._smoother = FixedLagSmoother()
         self._held: list[tuple[int, Detections, Located]] = []  # with the number of the first row
         self._rows = 0
@@ -141,6 +143,8 @@ class _Follower:
             seen = _sightings(d, track, located, from_hiding)
             located = self._with_headings(d, seen, located, hidden)
             self._sizes.add(d, track, located)
+            if look.colours is not None:
+                self._colours.add(d, track, look.colours.astype(float))
         return _sightings(d, track, located, from_hiding), located
 
     def _associate(
@@ -213,6 +217,7 @@ class _Follower:
         if self._belief is not None:
             self._belief.forget(oldest)
         self._sizes.forget(oldest)
+        self._colours.forget(oldest)
 
     def _tracks(self, final: Smoothed) -> Tracks:
         """Smoothed rows of the accepted tracks, with the detection behind each of them."""
@@ -251,6 +256,7 @@ class _Follower:
             z_sigma_m=z_sigma_m,
             size_m=size_m,
             size_sigma_m=size_sigma_m,
+            colours=self._colours.of(final.track, final.class_name),
         )
 
     def _all_headings(self, final: Smoothed, found: "_Seen") -> tuple[np.ndarray, np.ndarray]:

@@ -105,6 +105,7 @@ def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
         "rate_hz": options.rate_hz,
         "detector": _identity(options.detector),
         "looks_at": "what changed; what moves is followed; who crosses is looked at",
+        "colours": "of upper and lower bodies and of vehicles",
         "chunk_s": _CHUNK_S,
         "camera": hashlib.sha256(described).hexdigest()[:12],
         "person_height_m": options.person_height_m,
@@ -246,5 +247,6 @@ def _look_of(seen: list["Moment"], image_size: tuple[int, int]) -> Look:
     time_s = np.array([time for _, time, *_ in seen], float)
     if not seen:
         return Look(index, time_s, Detections.from_boxes(image_size, index, np.empty((0, 4))))
-    detections = Detections.concatenate([found for *_, found, _ in seen])
-    return Look(index, time_s, detections, np.concatenate([colours for *_, colours in seen]))
+    detections = Detections.concatenate([found for *_, found, _, _ in seen])
+    appearance, colours = (np.concatenate([one[k] for one in seen]) for k in (3, 4))
+    return Look(index, time_s, detections, appearance, colours)

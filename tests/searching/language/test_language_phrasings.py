@@ -39,8 +39,8 @@ def test_there_are_enough_of_them_and_each_once():
         ("person enters vehicle", "@person_exits_vehicle(person, vehicle)", WRONG),
         ("vehicle stops then within 5 s it starts",
          "@vehicle_stops(vehicle) ; @vehicle_starts(vehicle) <=9", WRONG),
-        ("a red car stops", "! colour", RIGHT),
-        ("a red car stops", "@vehicle_stops(car)", REFUSED),
+        ("a striped car stops", "! colour", RIGHT),
+        ("a striped car stops", "@vehicle_stops(car)", REFUSED),
     ],
 )  # fmt: skip
 def test_the_comparison_tells_what_differs(text, expected, how):

@@ -22,10 +22,10 @@ NAMES = {
     "u_turning", "appears_from", "disappears_into", "stooping", "crowded",
     "together", "between", "alone", "staying",
     "longer_than", "taller_than", "at_entrance", "beside",
-    "arrived", "departs", "near_spot", "near_zone", "present",
+    "arrived", "departs", "near_spot", "near_zone", "present", "coloured",
 }  # fmt: skip
-UNITS = {"m", "s", "m/s", "rad", "", "zone", "line", "spot", "side"}
-GIVEN = {"zone": "yard", "line": "gate", "spot": "was"}
+UNITS = {"m", "s", "m/s", "rad", "", "zone", "line", "spot", "side", "colour", "part"}
+GIVEN = {"zone": "yard", "line": "gate", "spot": "was", "colour": "dark blue"}
 CAMERA = Camera.from_pose(
     image_size=(1280, 720), focal_px=900.0, tilt_rad=0.4, roll_rad=0.02, height_m=6.0
 )
@@ -51,7 +51,7 @@ def test_parameters_are_those_of_the_function(name):
         if isinstance(parameter.default, float):
             assert parameter.low <= parameter.default <= parameter.high
         else:
-            assert parameter.unit in ("zone", "line", "spot", "side")
+            assert parameter.unit in UNITS - {"m", "s", "m/s", "rad", ""}
     assert predicate.function.__doc__
     assert "P(" in predicate.function.__doc__
 
@@ -155,11 +155,11 @@ def test_a_predicate_says_which_columns_it_looks_at(name, monkeypatch):
 def test_of_no_rows_come_no_values():
     stage = stage_of(*[Path(np.zeros(1), np.zeros((1, 2)), np.zeros((1, 2)))] * 2)
     nothing = stage.rows(np.array([], int))
-    for name in NAMES - {"inside", "near_zone", "crosses", "near_spot"}:
+    for name in NAMES - {"inside", "near_zone", "crosses", "near_spot", "coloured"}:
         predicate = PREDICATES[name]
         assert predicate.function(*[nothing] * predicate.arity).shape == (0,)
     for empty in (stage_of(), replace(stage_of(), camera=CAMERA)):
-        for name in NAMES - {"inside", "near_zone", "crosses", "near_spot"}:
+        for name in NAMES - {"inside", "near_zone", "crosses", "near_spot", "coloured"}:
             predicate = PREDICATES[name]
             roles = [empty.rows(np.array([], int))] * predicate.arity
             assert predicate.function(*roles).shape == (0,)

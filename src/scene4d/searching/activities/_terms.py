@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 
+from scene4d.core.colours import NAMES, PALETTE, PARTS, SHADES, is_colour
 from scene4d.core.errors import InputError
 from scene4d.core.text import nearest
 from scene4d.searching.activities.definition import Term
@@ -148,12 +149,17 @@ def _value(what: str, text: str, unit: str) -> float | str:
 
 
 def _check_value(predicate: str, key: str, value: float | str, parameter: Parameter) -> None:
-    named = parameter.unit in ("zone", "line", "spot", "side")
+    named = parameter.unit in ("zone", "line", "spot", "side", "colour", "part")
     if named != isinstance(value, str):
         kind = f"the name of a {parameter.unit}" if named else f"a number of {parameter.unit}"
         raise InputError(f"{predicate}: {key} must be {kind}, found {value!r}")
     if parameter.unit == "side" and value not in SIDES:
         raise InputError(f"{predicate}: no side {value!r}{nearest(str(value), SIDES)}")
+    if parameter.unit == "part" and value not in PARTS:
+        raise InputError(f"{predicate}: no part {value!r}{nearest(str(value), PARTS)}")
+    if parameter.unit == "colour" and not is_colour(str(value)):
+        known = (*NAMES, *SHADES, *PALETTE)
+        raise InputError(f"{predicate}: no colour {value!r}{nearest(str(value), known)}")
     if isinstance(value, str):
         return
     if not parameter.low <= value <= parameter.high:

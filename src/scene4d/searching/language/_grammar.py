@@ -180,6 +180,8 @@ class _Writer:
         self._keyed("pronoun", lexicon.pronouns)
         adjectives = [word for entry in lexicon.adjectives for word in entry.words]
         self._rule("adjective", map(self._pattern, adjectives))
+        colours = [word for words in lexicon.colours.values() for word in words]
+        self._rule("colour_word", map(self._pattern, colours))
         numbers = [word for _, words in lexicon.numbers for word in words]
         self._rule("number_word", map(self._pattern, numbers))
         whole = [w for n, words in lexicon.numbers for w in words if n >= 2 and n.denominator == 1]

@@ -15,6 +15,7 @@ from scene4d.searching.activities._terms import parse_term, term_text
 from scene4d.searching.activities.definition import Term
 from scene4d.searching.predicates._registry import PREDICATES
 
+_TABLES = ("pronouns", "articles", "things", "sets", "day", "colours")
 _VERB_BEFORE_NOUN = ("VERB", "AUX", "NOUN", "ADJ", "ADV")
 
 
@@ -95,6 +96,7 @@ class Lexicon:
     joined: tuple[str, ...]
     sets: Mapping[str, tuple[str, ...]]
     adjectives: tuple[Adjective, ...]
+    colours: Mapping[str, tuple[str, ...]]
     states: tuple[StateEntry, ...]
     refusals: tuple[Refusal, ...]
     units: Mapping[str, tuple[tuple[Fraction, tuple[str, ...]], ...]]
@@ -146,7 +148,7 @@ def read_lexicon() -> Lexicon:
         refusals=tuple(Refusal(**_tuples(entry)) for entry in _yaml("refusals.yaml")),
         units={name: _by_factor(table) for name, table in data["units"].items()},
         numbers=_by_factor(data["numbers"]),
-        **{name: _tuples(data[name]) for name in ("pronouns", "articles", "things", "sets", "day")},
+        **{name: _tuples(data[name]) for name in _TABLES},
         assumed={name: float(value) for name, value in data["assumed"].items()},
         clock=data["clock"],
     )

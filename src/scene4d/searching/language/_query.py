@@ -327,6 +327,7 @@ def _kinds(lexicon: Lexicon) -> dict[str, frozenset[str]]:
 
     nouns = [*(w for e in lexicon.nouns for w in e.words), *_flat(lexicon.articles)]
     nouns += [*_flat(lexicon.pronouns), *(w for a in lexicon.adjectives for w in a.words)]
+    nouns += _flat(lexicon.colours)
     verbs = [w for e in lexicon.verbs.values() for w in e.words]
     verbs += [w for e in lexicon.states for w in e.verb] + list(lexicon.sets["auxiliary"])
     relations = [w for e in lexicon.states for w in e.relation]

@@ -12,6 +12,7 @@ from lark.exceptions import VisitError
 
 from scene4d.core.tracks import CLASSES
 from scene4d.searching.activities.definition import Term
+from scene4d.searching.language._colours import ColourReader
 from scene4d.searching.language._doing import NOT_OF_ACTIVITIES
 from scene4d.searching.language._grammar import Grammar
 from scene4d.searching.language._lexicon import Adjective, StateEntry, base_forms
@@ -38,7 +39,6 @@ from scene4d.searching.language._sentences import (
 from scene4d.searching.language._times import (
     CLOCKS,
     Mark,
-    TimeReader,
     all_of,
     first_of,
     hull,
@@ -98,7 +98,7 @@ def read_tree(tree: Tree, text: str, grammar: Grammar) -> tuple[Sentence | Choic
 
 
 @v_args(meta=True)
-class _Reader(TimeReader):
+class _Reader(ColourReader):
     """The meaning of the grammar's rules, bottom up; one method per rule, by name."""
 
     def __init__(self, text: str, grammar: Grammar) -> None:
@@ -323,7 +323,7 @@ class _Reader(TimeReader):
     # Nouns ----------------------------------------------------------------------------------------
 
     def noun(self, meta: Any, children: list) -> Noun:
-        relatives = next((child for child in children if isinstance(child, tuple)), ())
+        relatives = sum((child for child in children if isinstance(child, tuple)), ())
         return self._noun(span_of(meta), children, relatives)
 
     def _noun(self, span: Span, children: list, relatives: tuple) -> Noun:

@@ -10,6 +10,7 @@ import numpy as np
 
 from scene4d.searching.predicates._beside import beside
 from scene4d.searching.predicates._body import arm_moving_down, arm_moving_up
+from scene4d.searching.predicates._coloured import coloured
 from scene4d.searching.predicates._crowd import alone, crowded
 from scene4d.searching.predicates._distance import between, far, near, same_place
 from scene4d.searching.predicates._entrances import at_entrance
@@ -48,8 +49,9 @@ _Function = Callable[..., np.ndarray]
 @dataclass(frozen=True)
 class Parameter:
     """A number in ``unit`` ("m", "s", "m/s", "rad", "" for a share or a count) from ``low`` to
-    ``high``, or the name of a "zone", a "line", a "spot", or a "side" of a vehicle. ``default`` is
-    None where it must be given (zones, lines, spots) or may be left out (sides).
+    ``high``, or the name of a "zone", a "line", a "spot", a "side" of a vehicle, a "colour" or a
+    "part" of a body. ``default`` is
+    None where it must be given (zones, lines, spots, colours) or may be left out (sides, parts).
     """
 
     name: str
@@ -61,7 +63,7 @@ class Parameter:
     @property
     def required(self) -> bool:
         """Whether there is no predicate without it."""
-        return self.unit in ("zone", "line", "spot")
+        return self.unit in ("zone", "line", "spot", "colour")
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,8 @@ _RANGES: dict[str, tuple[str, float, float]] = {
     "line": ("line", 0.0, np.inf),
     "spot": ("spot", 0.0, np.inf),
     "side": ("side", 0.0, np.inf),
+    "colour": ("colour", 0.0, np.inf),
+    "part": ("part", 0.0, np.inf),
 }
 """Unit and range of a parameter follow from its name. Ranges only keep out what cannot be meant."""
 
@@ -159,6 +163,7 @@ _ALL = (
     _predicate(stooping, "box"),
     _predicate(longer_than, "size"),
     _predicate(taller_than, "size"),
+    _predicate(coloured, "colours"),
     _predicate(crowded),
     _predicate(arm_moving_up, "keypoint"),
     _predicate(arm_moving_down, "keypoint"),
