@@ -12,13 +12,13 @@ from scene4d.app._footage import Footage
 from scene4d.drawing.page import rendered
 
 MODULES = (
-    *("packed", "camera", "tracks", "state", "viewport", "look", "scenery", "flow", "run"),
-    *("picture", "plan", "timeline", "clock", "pieces", "geo", "tools", "places", "judge"),
+    *("packed", "camera", "tracks", "state", "viewport", "cached", "look", "scenery", "flow"),
+    *("run", "picture", "plan", "timeline", "clock", "pieces", "geo", "tools", "places", "judge"),
     *("media", "tables", "panel", "search", "alerts", "again", "live", "fleet", "keys", "main"),
 )
 """In the order in which one may use another; each is ``templates/NAME.js``."""
 _IMPORT = re.compile(r"^import [^;]*;\n", re.MULTILINE)
-_EXPORT = re.compile(r"^export ((?:async )?(?:const|function|class) ([\w$]+))", re.MULTILINE)
+_EXPORT = re.compile(r"^export ((?:async )?(?:const|function\*?|class) ([\w$]+))", re.MULTILINE)
 
 
 def asset(name: str) -> str:

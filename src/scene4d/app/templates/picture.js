@@ -1,6 +1,7 @@
 // The footage with what is known drawn over it.
-import { $, isChosen, isLit, on, passes, run, state } from "./state.js";
-import { Cached, Viewport } from "./viewport.js";
+import { $, isChosen, isLit, on, run, state } from "./state.js";
+import { Viewport } from "./viewport.js";
+import { Cached, strokeTracks } from "./cached.js";
 import { ON_PICTURE, halo, label } from "./look.js";
 import { gridLines, horizonCurve, layer } from "./scenery.js";
 import { flowLegend, paintFlow } from "./flow.js";
@@ -37,11 +38,15 @@ function paintPicture() {
   paintFrame(context, now);
   if (layer("grid") || seesHorizon()) {
     triedCamera();
-    const key = `${state.run} ${layer("grid")} ${seesHorizon()} ${now.areaVersion} ${state.tried ? state.tried.key : ""}`;
-    scene.show(key, (made) => paintScene(made, now));
+    const key = `${layer("grid")} ${seesHorizon()} ${now.areaVersion} ${state.tried ? state.tried.key : ""}`;
+    scene.show(now, key, (made) => paintScene(made, now));
   }
-  if (layer("paths")) paths.show(`${state.run} ${now.version} ${JSON.stringify(state.filter)}`, (made) => paintPaths(made, now));
-  if (layer("flow")) flow.show(`${state.run} ${now.version} ${JSON.stringify(state.filter)}`, (made) => paintStreams(made, now));
+  const what = `${now.version} ${JSON.stringify(state.filter)}`;
+  if (layer("paths")) paths.show(now, what, (made) => paintPaths(made, now));
+  if (layer("flow")) {
+    flow.show(now, what, (made) => paintStreams(made, now));
+    flowLegend(context, now.flow(), 10, 26);
+  }
   const there = now.there();
   if (layer("paths")) there.forEach((one) => paintTrail(context, now, one));
   for (const one of there) paintOne(context, now, one);
@@ -74,7 +79,7 @@ function trace(context, points) {
   }
 }
 
-function paintScene(context, now) {
+function* paintScene(context, now) {
   const camera = triedCamera() || now.camera;
   context.globalAlpha = 0.5;
   context.lineWidth = 1;
@@ -97,41 +102,22 @@ function paintScene(context, now) {
   }
 }
 
-function paintPaths(context, now) {
-  const feet = now.feet();
+function* paintPaths(context, now) {
   context.lineWidth = 1.1;
   context.globalAlpha = 0.34;
-  for (const brief of now.rows.brief) {
-    if (!passes(brief)) continue;
-    context.strokeStyle = ON_PICTURE[brief.kind];
-    strokeRows(context, feet, now.rows.starts[brief.k], now.rows.starts[brief.k + 1]);
-  }
-  context.globalAlpha = 1;
+  yield* strokeTracks(context, now.rows, ON_PICTURE, (k) => traceFeet(context, now, k, now.rows.starts[k], now.rows.starts[k + 1]));
 }
 
-function paintStreams(context, now) {
+function traceFeet(context, now, k, first, last) {
+  const { u, v } = now.feet(k);
+  view.trace(context, u, v, first, last, 1);
+}
+
+function* paintStreams(context, now) {
   paintFlow(context, now.flow(), (x, y) => {
     const uv = now.camera.project(x, y, 0);
     return uv && view.to(...uv);
   });
-  flowLegend(context, now.flow(), 10, 26);
-}
-
-function strokeRows(context, feet, first, last) {
-  let [drawing, px, py] = [false, 0, 0];
-  context.beginPath();
-  for (let i = first; i < last; i++) {
-    const [u, v] = [feet[2 * i], feet[2 * i + 1]];
-    if (!Number.isFinite(u)) {
-      drawing = false;
-      continue;
-    }
-    const [x, y] = view.to(u, v);
-    if (drawing && Math.abs(x - px) + Math.abs(y - py) < 1.5 && i + 1 < last) continue;
-    if (drawing) context.lineTo(x, y); else context.moveTo(x, y);
-    [drawing, px, py] = [true, x, y];
-  }
-  context.stroke();
 }
 
 function paintTrail(context, now, one) {
@@ -142,7 +128,9 @@ function paintTrail(context, now, one) {
   const last = whole ? rows.starts[one.k + 1] : one.row + 1;
   context.strokeStyle = ON_PICTURE[one.brief.kind];
   context.lineWidth = 2.2;
-  strokeRows(context, now.feet(), first, last);
+  context.beginPath();
+  traceFeet(context, now, one.k, first, last);
+  context.stroke();
 }
 
 function paintOne(context, now, one) {

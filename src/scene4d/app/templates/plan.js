@@ -1,6 +1,7 @@
 // The ground from straight above, in metres.
-import { $, isLit, on, passes, run, state, world } from "./state.js";
-import { Cached, Viewport } from "./viewport.js";
+import { $, isLit, on, run, state, world } from "./state.js";
+import { Viewport } from "./viewport.js";
+import { Cached, strokeTracks } from "./cached.js";
 import { colour, label, niceStep } from "./look.js";
 import { groundPhoto, layer } from "./scenery.js";
 import { flowLegend, paintFlow } from "./flow.js";
@@ -11,7 +12,7 @@ const NEAR_PX = 18;
 const TRAIL_MS = 4000;
 let view = null;
 let paths = null;
-let below = null;
+let photos = null;
 let heat = null;
 let flow = null;
 
@@ -22,7 +23,7 @@ export function startPlan() {
     return [edge(0, Math.min), -edge(3, Math.max), edge(2, Math.max), -edge(1, Math.min)];
   });
   paths = new Cached(view);
-  below = new Cached(view);
+  photos = new Cached(view);
   heat = new Cached(view);
   flow = new Cached(view);
   on("run", () => (world.data.site ? view.changed() : view.reset()));
@@ -43,14 +44,17 @@ function paintPlan() {
   const now = run();
   if (!now || !view.width) return;
   const context = view.begin();
-  const look = document.documentElement.dataset.theme;
-  const ready = together(now).map((one) => `${one.viewReady} ${one.areaVersion}`);
-  below.show(`${state.run} ${layer("photo")} ${ready} ${look}`, (made) => paintGround(made, now));
-  const whole = moving(now)[0]; // heat and flow of one camera only where each has its own
+  const owner = world.data.site ? world : now; // all cameras of a site share the plan
+  const ready = together(now).map((one) => `${one.viewReady} ${one.areaVersion}`).join();
+  if (layer("photo")) photos.show(owner, ready, (made) => paintPhotos(made, now));
+  paintGrid(context);
+  for (const one of together(now)) paintCamera(context, one, one === now);
+  const counted = layer("apart") ? now : moving(now)[0]; // heat and flow are of one camera where each has its own
   const what = `${state.run} ${layer("apart")} ${moving(now).map((one) => one.version)} ${JSON.stringify(state.filter)}`;
-  if (layer("heat")) heat.show(what, (made) => paintHeat(made, layer("apart") ? now : whole));
-  if (layer("paths")) paths.show(`${what} ${look}`, (made) => moving(now).forEach((one) => paintPaths(made, one)));
-  if (layer("flow")) flow.show(what, (made) => paintStreams(made, layer("apart") ? now : whole));
+  if (layer("heat")) heat.show(owner, what, (made) => paintHeat(made, counted));
+  if (layer("paths")) paths.show(owner, `${what} ${colour("person")}`, (made) => paintPaths(made, moving(now)));
+  if (layer("flow")) flow.show(owner, what, (made) => paintStreams(made, counted));
+  paintLegends(context, counted);
   for (const other of moving(now)) {
     const there = other.there();
     if (layer("paths")) there.forEach((one) => paintTrail(context, other, one));
@@ -66,10 +70,15 @@ function lineTo(context, points) {
   points.forEach((point, i) => context[i ? "lineTo" : "moveTo"](...onPlan(...point)));
 }
 
-function paintGround(context, now) {
-  for (const one of together(now)) paintPhoto(context, one);
-  paintGrid(context);
-  for (const one of together(now)) paintCamera(context, one, one === now);
+function* paintPhotos(context, now) {
+  context.globalAlpha = 0.55;
+  for (const one of together(now)) {
+    if (!one.view) continue;
+    one.photo ??= groundPhoto(one.camera, one.view, one.area);
+    const [x0, y0, x1, y1] = one.area;
+    context.drawImage(one.photo, ...onPlan(x0, y1), (x1 - x0) * view.scale, (y1 - y0) * view.scale);
+    yield;
+  }
 }
 
 // The runs on this ground: all of a site.
@@ -77,19 +86,6 @@ const together = (now) => (world.data.site ? world.runs : [now]);
 
 // What moves on it: in a site everybody once, or as each camera sees them.
 const moving = (now) => (world.fused && !layer("apart") ? [world.fused] : together(now));
-
-function paintPhoto(context, now) {
-  const [x0, y0, x1, y1] = now.area;
-  if (layer("photo") && now.view) {
-    now.photo ??= groundPhoto(now.camera, now.view, now.area);
-    const [a, b] = onPlan(x0, y1);
-    context.globalAlpha = 0.55;
-    context.filter = "saturate(0.55)";
-    context.drawImage(now.photo, a, b, (x1 - x0) * view.scale, (y1 - y0) * view.scale);
-    context.filter = "none";
-    context.globalAlpha = 1;
-  }
-}
 
 function paintGrid(context) {
   const [ax, ay] = planPoint(0, view.height);
@@ -164,45 +160,41 @@ function paintCamera(context, { camera, area, said }, current) {
   if (world.data.site) label(context, said.camera, px + 12, py + 6);
 }
 
-function paintHeat(context, now) {
+function* paintHeat(context, now) {
   const found = now.heat();
   const [x0, y0, x1, y1] = now.area;
   const [a, b] = onPlan(x0, y1);
   context.imageSmoothingQuality = "high";
   context.drawImage(found.canvas, a, b, (x1 - x0) * view.scale, (y1 - y0) * view.scale);
-  label(context, `darkest: ${found.most < 10 ? found.most.toFixed(1) : Math.round(found.most)} s per m²`, 30, view.height - 24);
 }
 
-function paintStreams(context, now) {
+function paintLegends(context, counted) {
+  const base = view.height - 24;
+  if (layer("heat")) {
+    const { most } = counted.heat();
+    label(context, `darkest: ${most < 10 ? most.toFixed(1) : Math.round(most)} s per m²`, 30, base);
+  }
+  if (layer("flow")) flowLegend(context, counted.flow(), 30, layer("heat") ? base - 22 : base);
+}
+
+function* paintStreams(context, now) {
   paintFlow(context, now.flow(), onPlan);
-  flowLegend(context, now.flow(), 30, view.height - (layer("heat") ? 46 : 24));
 }
 
-function paintPaths(context, now) {
+function* paintPaths(context, all) {
   context.lineWidth = 1.1;
   context.globalAlpha = 0.38;
-  for (const brief of now.rows.brief) {
-    if (!passes(brief)) continue;
-    context.strokeStyle = colour(brief.kind);
-    strokeRows2(context, now.rows, now.rows.starts[brief.k], now.rows.starts[brief.k + 1]);
+  const tints = Object.fromEntries(["person", "wheels", "vehicle"].map((kind) => [kind, colour(kind)]));
+  for (const { rows } of all) {
+    yield* strokeTracks(context, rows, tints, (k) => traceRows(context, rows, rows.starts[k], rows.starts[k + 1]));
   }
-  context.globalAlpha = 1;
 }
 
-function strokeRows2(context, rows, first, last) {
-  const { x_m: xs, y_m: ys } = rows.columns;
-  let [drawing, ax, ay] = [false, 0, 0];
+const traceRows = (context, rows, first, last) => view.trace(context, rows.columns.x_m, rows.columns.y_m, first, last, -1);
+
+function strokeRows(context, rows, first, last) {
   context.beginPath();
-  for (let i = first; i < last; i++) {
-    if (!Number.isFinite(xs[i])) {
-      drawing = false;
-      continue;
-    }
-    const [x, y] = onPlan(xs[i], ys[i]);
-    if (drawing && Math.abs(x - ax) + Math.abs(y - ay) < 1.5 && i + 1 < last) continue;
-    if (drawing) context.lineTo(x, y); else context.moveTo(x, y);
-    [drawing, ax, ay] = [true, x, y];
-  }
+  traceRows(context, rows, first, last);
   context.stroke();
 }
 
@@ -211,7 +203,7 @@ function paintTrail(context, now, one) {
   while (first > now.rows.starts[one.k] && now.rows.time[first] > state.ms - TRAIL_MS) first--;
   context.strokeStyle = colour(one.brief.kind);
   context.lineWidth = 2.2;
-  strokeRows2(context, now.rows, first, one.row + 1);
+  strokeRows(context, now.rows, first, one.row + 1);
 }
 
 function paintSelected(context, now) {
@@ -220,7 +212,7 @@ function paintSelected(context, now) {
     if (k === undefined) continue;
     context.strokeStyle = colour(now.rows.brief[k].kind);
     context.lineWidth = 3;
-    strokeRows2(context, now.rows, now.rows.starts[k], now.rows.starts[k + 1]);
+    strokeRows(context, now.rows, now.rows.starts[k], now.rows.starts[k + 1]);
   }
 }
 

@@ -70,7 +70,7 @@ export class Run extends Moving {
       this.areaVersion++;
       this.photo = null;
     }
-    this.footUv = null;
+    this.foot = null;
   }
 
   // What the server says of a run that grows; the last minute tells how many rows come.
@@ -91,17 +91,17 @@ export class Run extends Moving {
     return (60 * (this.said.rows - rows)) / Math.max(1, this.said.end_s - s);
   }
 
-  // Where every row's place on the ground is seen.
-  feet() {
-    if (!this.footUv) {
-      const { x_m: x, y_m: y } = this.rows.columns;
-      this.footUv = new Float32Array(2 * this.rows.count).fill(NaN);
-      for (let i = 0; i < this.rows.count; i++) {
-        const uv = Number.isFinite(x[i]) ? this.camera.project(x[i], y[i], 0) : null;
-        if (uv) this.footUv.set(uv, 2 * i);
-      }
+  // Where the places of a track on the ground are seen: pixels of all rows, of which its are right.
+  feet(k) {
+    const { starts, count, columns: { x_m: x, y_m: y } } = this.rows;
+    this.foot ??= { u: new Float32Array(count).fill(NaN), v: new Float32Array(count).fill(NaN), done: new Uint8Array(starts.length) };
+    if (this.foot.done[k]) return this.foot;
+    this.foot.done[k] = 1;
+    for (let i = starts[k]; i < starts[k + 1]; i++) {
+      const uv = Number.isFinite(x[i]) ? this.camera.project(x[i], y[i], 0) : null;
+      if (uv) [this.foot.u[i], this.foot.v[i]] = uv;
     }
-    return this.footUv;
+    return this.foot;
   }
 }
 

@@ -6,6 +6,8 @@ const HEAT_CELL_M = 0.5;
 // From faint to strong for every eye: the yellow to brown of the bands in drawing/style.py.
 const HEAT = [[254, 221, 127], [254, 174, 69], [244, 98, 43], [201, 22, 29], [110, 0, 40]];
 
+const PALE = 0.45; // so much greyer than the footage: colours on the plan are those of tracks
+
 // Lines of the ground's grid as pixels of the footage, each a list of pieces.
 export function gridLines(camera, area) {
   const [x0, y0, x1, y1] = area;
@@ -102,7 +104,8 @@ export function groundPhoto(camera, view, area) {
       const v = Math.round((uv[1] + 0.5) * sy - 0.5);
       if (u < 0 || v < 0 || u >= source.width || v >= source.height) continue;
       const [from, to] = [4 * (v * source.width + u), 4 * (row * w + column)];
-      for (let k = 0; k < 3; k++) image.data[to + k] = pixels.data[from + k];
+      const grey = (pixels.data[from] + pixels.data[from + 1] + pixels.data[from + 2]) / 3;
+      for (let k = 0; k < 3; k++) image.data[to + k] = PALE * grey + (1 - PALE) * pixels.data[from + k];
       image.data[to + 3] = 255;
     }
   }

@@ -2,6 +2,8 @@
 import { draw, state } from "./state.js";
 
 const MOST_ZOOM = 60;
+const REST_MS = 120; // after a gesture drawings are made anew, until then they are stretched
+const APART_PX = 1.5;
 
 export class Viewport {
   // `fit` gives what is to be seen as [x0, y0, x1, y1]; y points down in these units.
@@ -12,6 +14,7 @@ export class Viewport {
     this.zoom = 1;
     this.shift = [0, 0];
     this.version = 0;
+    this.resting = null;
     new ResizeObserver(() => this.resized()).observe(canvas);
     this.listen();
   }
@@ -62,12 +65,42 @@ export class Viewport {
     this.changed();
     const after = this.from(px, py);
     this.shift = this.shift.map((value, i) => value + before[i] - after[i]);
+    this.gesture();
     this.changed();
   }
 
   pan(dx, dy) {
     this.shift = [this.shift[0] - dx / this.scale, this.shift[1] - dy / this.scale];
+    this.gesture();
     this.changed();
+  }
+
+  gesture() {
+    clearTimeout(this.resting);
+    this.resting = setTimeout(() => {
+      this.resting = null;
+      draw();
+    }, REST_MS);
+  }
+
+  // Rows of a track as part of a path; points that fall on one another are left out.
+  trace(context, xs, ys, first, last, down) {
+    const [ox, oy] = this.origin;
+    const [sx, sy] = [this.scale, this.scale * down];
+    let [drawing, ax, ay] = [false, 0, 0];
+    for (let i = first; i < last; i++) {
+      const x = ox + sx * xs[i];
+      const y = oy + sy * ys[i];
+      if (x !== x) { // NaN: not on the ground
+        drawing = false;
+        continue;
+      }
+      if (drawing && Math.abs(x - ax) + Math.abs(y - ay) < APART_PX && i + 1 < last) continue;
+      if (drawing) context.lineTo(x, y); else context.moveTo(x, y);
+      drawing = true;
+      ax = x;
+      ay = y;
+    }
   }
 
   listen() {
@@ -118,32 +151,5 @@ export class Viewport {
     context.clearRect(0, 0, this.width, this.height);
     context.lineJoin = context.lineCap = "round";
     return context;
-  }
-}
-
-// A drawing that is made again only when its key changes, and copied otherwise.
-export class Cached {
-  constructor(view) {
-    this.view = view;
-    this.canvas = document.createElement("canvas");
-  }
-
-  show(key, paint) {
-    const view = this.view;
-    const whole = `${view.version} ${key}`;
-    if (whole !== this.key) {
-      this.key = whole;
-      this.canvas.width = view.canvas.width;
-      this.canvas.height = view.canvas.height;
-      const context = this.canvas.getContext("2d");
-      context.setTransform(view.dpr, 0, 0, view.dpr, 0, 0);
-      context.lineJoin = context.lineCap = "round";
-      paint(context);
-    }
-    const context = view.context;
-    context.save();
-    context.setTransform(1, 0, 0, 1, 0, 0);
-    context.drawImage(this.canvas, 0, 0);
-    context.restore();
   }
 }
