@@ -1,5 +1,6 @@
 """What tests do in a page: pixels of the footage, and where they are on the screen."""
 
+from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
 
 from walks import SIZE
@@ -22,3 +23,9 @@ def click(page: Page, u: float, v: float) -> tuple[float, float]:
     x0, y0 = picture_at(page, 0, 0)
     x1, _ = picture_at(page, 1, 0)
     return (x - x0) / (x1 - x0), (y - y0) / (x1 - x0)
+
+
+def violations(page: Page) -> list[tuple[str, str]]:
+    """What axe finds wrong for those who do not see or point: rule, and the first element."""
+    found = Axe().run(page).response["violations"]
+    return [(one["id"], one["nodes"][0]["html"]) for one in found]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from playwright.sync_api import expect
 
+from app.pages import violations
 from app.serving_tests import Running
 from finding_scenes import people, write_scene
 from scene4d.store.query import Scene
@@ -44,6 +45,7 @@ def test_a_camera_that_is_watched_comes_into_the_page_by_itself(opened, tmp_path
         tile = page.locator(".tile[data-camera=yard]")
         expect(tile.locator(".state")).to_have_text("live")
         assert page.locator(".tile[data-camera=gate] .state").inner_text() == "recording"
+        assert violations(page) == []
         tile.focus()
         page.keyboard.press("ArrowLeft")
         page.keyboard.press("ArrowRight")

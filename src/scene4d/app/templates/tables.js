@@ -1,5 +1,5 @@
 // The table of tracks: filtered, sorted, and a way to each of them.
-import { $, element, on, passes, run, set, state, tell } from "./state.js";
+import { $, element, on, passes, run, set, state, tell, world } from "./state.js";
 import { plusMinus } from "./look.js";
 import { seek } from "./clock.js";
 import { placesHere } from "./places.js";
@@ -73,7 +73,8 @@ function showTracks() {
   }
   const all = now.rows.brief.length;
   const fewer = kept.length > MOST_ROWS ? `, the first ${MOST_ROWS} are shown` : "";
-  $("tracks-count").textContent = `${kept.length} of ${all} track${all === 1 ? "" : "s"}${fewer}`;
+  const coming = !all && now.said.rows && world.data.api && !now.rows.count;
+  $("tracks-count").textContent = coming ? `reading ${now.said.rows.toLocaleString("en")} rows` : `${kept.length} of ${all} track${all === 1 ? "" : "s"}${fewer}`;
   $("tracks-body").replaceChildren(...kept.slice(0, MOST_ROWS).map(trackRow));
   markSelected();
 }
