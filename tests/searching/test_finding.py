@@ -685,5 +685,3 @@ def test_nobody_is_searched_for_only_while_the_camera_was_watched(gate, tmp_path
     assert [e.event.begin_s for e in evening.events] == [pytest.approx(25.0, abs=0.3)]
     both = search(scene, "a person walks or a vehicle stops", zones=places)
     assert {e.event.activity for e in both.events} == {"a person walks"}
-    done.save(tmp_path / "page")
-    assert "of whom there is none" in (tmp_path / "page" / "search.html").read_text()

@@ -112,14 +112,9 @@ def test_ways_to_say_how_near(at_most):
     ],
 )
 def test_times_of_day(said, begin, end):
-    order = "{}, vehicle stops" if begin % 7 else "vehicle stops {}"
+    orders = ("{}, vehicle stops", "{} vehicle stops", "vehicle stops, {}", "vehicle stops {}")
+    order = orders[int(end) // 60 % 4]
     assert parsed(order.format(said)).window == Window(float(begin), float(end))
-
-
-@pytest.mark.parametrize("order", ["{}, vehicle stops", "{} vehicle stops", "vehicle stops, {}"])
-def test_times_of_day_stand_at_either_end(order):
-    assert parsed(order.format("after 9 pm")).window == Window(75600.0, 86400.0)
-    assert parsed("vehicle stops").window is None
 
 
 @settings(max_examples=10)
@@ -139,16 +134,9 @@ def test_a_window_holds_the_minutes_between(begin, end, minute):
 
 @pytest.mark.parametrize(
     "said",
-    [
-        "after 25:00",
-        "after 9:60",
-        "at 13 pm",
-        "before 0 am",
-        "after 24:01",
-        "between 9:00 and 9:00",
-        "before 0:00",
-    ],
-)
+    ["after 25:00", "after 9:60", "at 13 pm", "before 0 am", "after 24:01",
+     "between 9:00 and 9:00", "before 0:00"],
+)  # fmt: skip
 def test_times_that_cannot_be(said):
     with pytest.raises(InputError, match="time"):
         parsed(f"person enters vehicle {said}")
@@ -156,24 +144,11 @@ def test_times_that_cannot_be(said):
 
 @pytest.mark.parametrize(
     "said",
-    [
-        "within 0 m",
-        "within -3 m",
-        "within 3,5 m",
-        "within 1.2.3 m",
-        "within 1e3 m",
-        "within 99999999999 km",
-        "within 0.00000000000000000000001 m",
-        f"within {'9' * 5000} m",
-        "within 20 km",
-        "within 3",
-        "within 3 kg",
-        "for 10 m",
-        "for 10 to 5 s",
-        "for between 10 s and 5 s",
-        "for more than 10 s and for less than 5 s",
-    ],
-)
+    ["within 0 m", "within -3 m", "within 3,5 m", "within 1.2.3 m", "within 1e3 m",
+     "within 99999999999 km", "within 0.00000000000000000000001 m", f"within {'9' * 5000} m",
+     "within 20 km", "within 3", "within 3 kg", "for 10 m", "for 10 to 5 s",
+     "for between 10 s and 5 s", "for more than 10 s and for less than 5 s"],
+)  # fmt: skip
 def test_amounts_that_cannot_be(said):
     with pytest.raises(InputError):
         parsed(f"person near vehicle {said}")

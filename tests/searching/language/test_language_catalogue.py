@@ -2,11 +2,8 @@
 
 import re
 from dataclasses import replace
-from itertools import product
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from lemminflect import getInflection
 from words_scenes import LINES, ZONES
 
@@ -66,13 +63,9 @@ def what(activity):
 
 
 @pytest.mark.parametrize(("name", "phrase"), PHRASES, ids=[p for _, p in PHRASES])
-def test_a_phrase_is_its_activity(name, phrase):
+def test_a_phrase_is_its_activity_whatever_general_nouns_it_has(name, phrase):
+    """Each phrase has its turn of them."""
     assert parsed(phrase).activity == CATALOGUE[name]
-
-
-@pytest.mark.parametrize(("name", "phrase"), PHRASES, ids=[p for _, p in PHRASES])
-def test_other_words_for_person_and_vehicle_change_nothing_else(name, phrase):
-    """Nouns that say no more than the kind give the very activity; each phrase has its turn."""
     turn = PHRASES.index((name, phrase))
     kinds = {kind: words[turn % len(words)] for kind, words in GENERAL.items()}
     said = re.sub(r"\b(person|vehicle)\b", lambda found: kinds[found[1]], phrase)
@@ -192,22 +185,3 @@ def test_phrases_that_cannot_be(phrase):
 
 def test_without_a_catalogue_states_can_still_be_asked_for():
     assert parse_query("person near vehicle", {}).predicates == ["near(person, vehicle)"]
-
-
-@settings(max_examples=25)
-@given(st.sampled_from(PHRASES), st.sampled_from(["", "a ", "the "]), st.booleans())
-def test_articles_and_capitals_say_nothing(item, article, capital):
-    name, phrase = item
-    said = re.sub(r"\b(person|parked vehicle|vehicle)\b", lambda m: article + m[1], phrase)
-    if len(re.findall(r"person", phrase)) > 1 and article == "the ":
-        return  # "the person follows the person" is one and the same to English
-    query = parsed(said.upper() if capital else said)
-    assert query.activity == CATALOGUE[name]
-
-
-def test_a_search_is_read_the_same_every_time():
-    texts = [
-        " then ".join(pair)
-        for pair in product(("person enters vehicle", "vehicle stops"), repeat=2)
-    ]
-    assert [parsed(t) for t in texts] == [parsed(t) for t in texts]

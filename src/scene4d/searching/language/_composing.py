@@ -15,7 +15,7 @@ from scene4d.searching.language._pieces import (
     state,
     throughout,
 )
-from scene4d.searching.language._saying import nouns_of, pair_of, state_of
+from scene4d.searching.language._saying import pair_of, state_of
 from scene4d.searching.language._sentences import (
     Chain,
     Choice,
@@ -202,7 +202,7 @@ def _check_exactly(clause: Clause, discourse: Discourse) -> None:
     core = clause.core
     mutual = isinstance(core, Said) and core.entry.mutual
     mutual |= any(isinstance(one, Said) and one.entry.mutual for one in clause.modifiers)
-    nouns = nouns_of(clause.subject) if isinstance(core, Done) or mutual else ()
+    nouns = clause.subjects if isinstance(core, Done) or mutual else ()
     nouns += core.nouns if isinstance(core, Done) else ()
     for noun in nouns:
         if noun.exactly:
@@ -212,21 +212,21 @@ def _check_exactly(clause: Clause, discourse: Discourse) -> None:
 
 def _done(clause: Clause, done: Done, discourse: Discourse) -> Piece:
     """An activity; of two who cannot do it as one, one after the other."""
-    nouns = nouns_of(clause.subject)
+    nouns = clause.subjects
     if len(nouns) == 1 and nouns[0].count == 2:
         nouns = pair_of(nouns[0])
     if len(nouns) != 2:
         return activity_of(clause, done, discourse)
     if any(noun.article == "reciprocal" for noun in done.nouns):  # the one does it to the other
         others = tuple(nouns[1] if n.article == "reciprocal" else n for n in done.nouns)
-        clause, done = replace(clause, subject=nouns[0]), replace(done, nouns=others)
+        clause, done = replace(clause, subjects=nouns[:1]), replace(done, nouns=others)
         return activity_of(clause, done, discourse)
 
     def apart(_: None, known: Discourse) -> Piece:
-        first = activity_of(replace(clause, subject=nouns[0]), done, known)
+        first = activity_of(replace(clause, subjects=nouns[:1]), done, known)
         objects = tuple(replace(n, article="definite", count=1) for n in done.nouns)
         again = replace(done, nouns=objects)
-        second = activity_of(replace(clause, subject=nouns[1]), again, known)
+        second = activity_of(replace(clause, subjects=nouns[1:]), again, known)
         return _and_then(first, second, known)
 
     def whole(_: None, known: Discourse) -> Piece:

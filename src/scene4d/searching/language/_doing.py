@@ -16,7 +16,6 @@ from scene4d.searching.language._pieces import (
 )
 from scene4d.searching.language._saying import (
     noun_terms,
-    nouns_of,
     pair_of,
     terms_of,
     with_distance,
@@ -125,7 +124,7 @@ class _Reading:
         that is named.
         """
         discourse = self.discourse
-        nouns = nouns_of(self.clause.subject)
+        nouns = self.clause.subjects
         if len(nouns) == 1 and nouns[0].count == 2 and self._is_of_two(slot):
             return pair_of(nouns[0])
         if len(nouns) == 1 and not self._is_counted():
@@ -181,7 +180,7 @@ class _Reading:
 
     def _counted(self, phases: tuple[Phase, ...]) -> tuple[Phase, ...]:
         """At least so many as are said make a crowd."""
-        counts = [noun.count for noun in nouns_of(self.clause.subject) if noun.count > 1]
+        counts = [noun.count for noun in self.clause.subjects if noun.count > 1]
         is_counted = counts and self._is_counted()
         return with_parameter(phases, "count", float(counts[0])) if is_counted else phases
 
@@ -257,7 +256,7 @@ class _Reading:
             return name
         might = {n for n, one in discourse.people.items() if set(one.classes) & set(role.classes)}
         fitting = [name for name in discourse.mentions if name in might and name not in taken]
-        if self.spoken.is_short and not fitting and (discourse.people or self.clause.subject):
+        if self.spoken.is_short and not fitting and (discourse.people or self.clause.subjects):
             check_of_what(self.done, discourse)
         if is_first or not fitting:
             return None

@@ -6,7 +6,6 @@ from itertools import product
 from typing import TYPE_CHECKING
 
 from scene4d.core.errors import InputError
-from scene4d.searching.language._saying import nouns_of
 from scene4d.searching.language._sentences import Clause, Joined, Sentence, options_of
 from scene4d.searching.language._words import Word, refuse
 
@@ -113,5 +112,5 @@ def _is_single(said: Sentence) -> bool:
 def _subject(read: Sequence[Reading]) -> str:
     """Whom the first clause is about, in its words; none where it does not say."""
     first = next(_clauses(read[0].said))
-    nouns = nouns_of(first[0].subject) if first else ()
+    nouns = first[0].subjects if first else ()
     return read[0].query.text[nouns[0].span[0] : nouns[-1].span[1]] if nouns else ""

@@ -1,8 +1,7 @@
 """The grammar of a search, generated from the lexicon and the phrases of a catalogue."""
 
 import re
-from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import lru_cache
@@ -255,17 +254,12 @@ class _Writer:
         return tuple(found)
 
     def _with_tokens(self) -> list[str]:
-        """The rules with tokens for words.
-
-        Words of one rule that stand nowhere else share a token: the parser library tries every
-        alternative at every place, so fewer of them are faster.
-        """
+        """The rules with tokens for words."""
         forms: dict[str, list[str]] = {}
         for word in self._words:
             for base in base_forms(word):
                 if base in self._words:
                     forms.setdefault(base, []).append(word)
-        self._share_tokens(set(forms) | {word for words in forms.values() for word in words})
 
         def token(found: re.Match) -> str:
             name = self._words[found[1]]
@@ -276,14 +270,6 @@ class _Writer:
             names = " | ".join(self._words[form] for form in (word, *others))
             rules.append(f"form_{self._words[word].lower()}: {names}")
         return [_without_repeats(rule) for rule in rules]
-
-    def _share_tokens(self, besides: Collection[str]) -> None:
-        uses = Counter(word for rule in self._rules for word in re.findall(r"<([^>]+)>", rule))
-        for rule in self._rules:
-            alone = re.findall(r"(?<=[:|] )<([^>]+)>(?= \||$)", rule)
-            shared = [word for word in alone if uses[word] == 1 and word not in besides]
-            for word in shared[1:]:
-                self._words[word] = self._words[shared[0]]
 
 
 def _without_repeats(rule: str) -> str:

@@ -27,7 +27,6 @@ from scene4d.searching.language._sentences import (
     Joined,
     Lasting,
     Noun,
-    Pair,
     Place,
     Polarity,
     Said,
@@ -259,15 +258,15 @@ class _Reader(ColourReader):
         span = span_of(meta)
         fronts = [child.said for child in all_of(children, _Front)]
         parts = [child for child in children if not isinstance(child, _Front)]
-        subject = None
-        head = parts[0]
-        if isinstance(head, Noun | Pair):
-            subject = parts.pop(0)
+        subjects: tuple[Noun, ...] = ()
+        if isinstance(parts[0], Noun | tuple):
+            head = parts.pop(0)
+            subjects = head if isinstance(head, tuple) else (head,)
         polarity = first_of(parts, Polarity) or Polarity(False, False)
         parts = [part for part in parts if not isinstance(part, Polarity | Mark)]
         whole = hull(span, children)
         readings = product(*map(options_of, (*parts[1:], *fronts)))
-        clauses = [Clause(subject, polarity, parts[0], more, whole) for more in readings]
+        clauses = [Clause(subjects, polarity, parts[0], more, whole) for more in readings]
         return clauses[0] if len(clauses) == 1 else Choice(tuple(clauses))
 
     def described(self, meta: Any, children: list) -> Clause | Choice:
@@ -398,9 +397,8 @@ class _Reader(ColourReader):
         core, lasting = first_of(children, Done, Said, Choice), first_of(children, Lasting)
         return SpotSaid(noun, polarity, core, lasting, when, span)
 
-    def pair(self, _meta: Any, children: list) -> Pair:
-        first, second = all_of(children, Noun)
-        return Pair(first, second)
+    def pair(self, _meta: Any, children: list) -> tuple[Noun, ...]:
+        return tuple(all_of(children, Noun))
 
     # Places and amounts ---------------------------------------------------------------------------
 

@@ -7,7 +7,7 @@ from scene4d.searching.activities.definition import Phase, Term
 from scene4d.searching.language._discourse import NOBODY, Discourse, adjective_terms
 from scene4d.searching.language._lexicon import StateEntry
 from scene4d.searching.language._pieces import Piece, duration, state, throughout
-from scene4d.searching.language._sentences import Bound, Clause, Lasting, Noun, Pair, Said
+from scene4d.searching.language._sentences import Bound, Clause, Lasting, Noun, Said
 from scene4d.searching.predicates._registry import PREDICATES
 
 _DISTANCE = "tau_m"
@@ -22,11 +22,11 @@ _MOTIONS = (
 
 def state_of(clause: Clause, core: Said, discourse: Discourse) -> Piece:
     """A clause with a state. Raises :class:`InputError` if it is not possible."""
-    if isinstance(clause.subject, Noun) and clause.subject.article == "none":
+    if any(noun.article == "none" for noun in clause.subjects):
         return _alone(clause, core, discourse)
     said = _simplified(clause, core, discourse)
     subjects, terms = _subjects(clause, said, discourse)
-    is_crowd = isinstance(clause.subject, Noun) and clause.subject.count > 2
+    is_crowd = len(clause.subjects) == 1 and clause.subjects[0].count > 2
     of_core: tuple[Term, ...] = ()
     for number, one in enumerate(said):
         more = () if is_crowd and _is_mutual(one) else _of_all(one, subjects, discourse)
@@ -60,13 +60,6 @@ def state_of(clause: Clause, core: Said, discourse: Discourse) -> Piece:
 # Who ----------------------------------------------------------------------------------------------
 
 
-def nouns_of(subject: Noun | Pair | None) -> tuple[Noun, ...]:
-    """The subjects: none, one or two."""
-    if isinstance(subject, Pair):
-        return subject.first, subject.second
-    return () if subject is None else (subject,)
-
-
 def pair_of(noun: Noun) -> tuple[Noun, Noun]:
     """Two of those whom a noun in the plural names."""
     one = replace(noun, count=1, is_plural=False)
@@ -80,7 +73,7 @@ def _subjects(
     """Names of those whom a clause is about, those of the clause before where none is named, and
     what their nouns say of them.
     """
-    nouns = nouns_of(clause.subject)
+    nouns: Sequence[Noun] = clause.subjects
     if not nouns and discourse.subject:
         return discourse.subject, ()
     if not nouns:
@@ -131,10 +124,16 @@ def _new(kind: str, discourse: Discourse) -> str:
     return name
 
 
+def _nobody(clause: Clause, discourse: Discourse) -> Noun:
+    """The one noun for nobody."""
+    if len(clause.subjects) > 1:
+        raise discourse.refuse(clause.span, NOBODY)
+    return clause.subjects[0]
+
+
 def _alone(clause: Clause, core: Said, discourse: Discourse) -> Piece:
     """Nobody is near a thing: it is alone."""
-    noun = clause.subject
-    assert isinstance(noun, Noun)
+    noun = _nobody(clause, discourse)
     others = [part for part in clause.modifiers if isinstance(part, Said)]
     bounds = [part for part in clause.modifiers if isinstance(part, Bound)]
     if clause.polarity.is_denied or core.entry.becomes or core.entry.instant:
@@ -155,8 +154,7 @@ def _alone(clause: Clause, core: Said, discourse: Discourse) -> Piece:
 
 def _absence(clause: Clause, said: Sequence[Said], discourse: Discourse) -> Piece:
     """Nobody is so: a role that nobody plays."""
-    noun = clause.subject
-    assert isinstance(noun, Noun)
+    (noun,) = clause.subjects
     name = discourse.add_nobody(noun)
     discourse.remark(replace(noun, is_plural=False))
     terms = noun_terms(noun, name, discourse)

@@ -73,14 +73,6 @@ class Noun:
 
 
 @dataclass(frozen=True)
-class Pair:
-    """Two subjects."""
-
-    first: "Noun"
-    second: "Noun"
-
-
-@dataclass(frozen=True)
 class Place:
     """A zone or a line; without a name where only "the zone" is said."""
 
@@ -177,9 +169,11 @@ _Modifier = Said | Lasting | Bound | Delay
 
 @dataclass(frozen=True)
 class Clause:
-    """Somebody does something, or is somehow; without ``core`` it is only somebody."""
+    """Somebody, one or two of them, does something, or is somehow; without ``core`` it is only
+    somebody.
+    """
 
-    subject: "Noun | Pair | None"
+    subjects: tuple["Noun", ...]
     polarity: Polarity
     core: "Done | Said | Choice | None"
     modifiers: tuple["_Modifier", ...]

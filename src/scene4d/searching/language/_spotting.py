@@ -8,7 +8,6 @@ from scene4d.searching.activities.definition import Activity, Spot, Term
 from scene4d.searching.language._discourse import Discourse
 from scene4d.searching.language._lexicon import StateEntry
 from scene4d.searching.language._pieces import Piece, state
-from scene4d.searching.language._saying import nouns_of
 from scene4d.searching.language._sentences import (
     Clause,
     Done,
@@ -66,7 +65,7 @@ def _named(said: Said, spot: SpotSaid, clause: Clause, discourse: Discourse, rea
 def _check_other(noun: Noun, clause: Clause, discourse: Discourse) -> None:
     """Refuse who is, or may be, the one who is there now, and several at once."""
     said = set(discourse.said(noun.span).casefold().split())
-    subjects = {one.kind for one in nouns_of(clause.subject)}
+    subjects = {one.kind for one in clause.subjects}
     is_same = noun.article == "pronoun" or said & _SAME
     if is_same or (noun.article == "definite" and noun.kind in subjects):
         what = "nobody is compared with himself at another time"
@@ -81,7 +80,7 @@ def _check_other(noun: Noun, clause: Clause, discourse: Discourse) -> None:
 def _done_there(spot: SpotSaid, there: Discourse, read: _Read) -> Piece:
     lasting = () if spot.lasting is None else (spot.lasting,)
     if spot.core is not None:
-        clause = Clause(spot.noun, spot.polarity, spot.core, lasting, spot.span)
+        clause = Clause((spot.noun,), spot.polarity, spot.core, lasting, spot.span)
         return read(clause, there)
     name = there.name_of(spot.noun, ())
     there.subject = (name,)
@@ -105,7 +104,7 @@ def _phase(spot: SpotSaid, piece: Piece) -> str | None:
 
 def _like_subject(noun: Noun, clause: Clause, discourse: Discourse) -> Noun:
     """ "Another" is one as the subject."""
-    subjects = nouns_of(clause.subject)
+    subjects = clause.subjects
     if subjects and subjects[0].classes:
         return replace(
             noun, kind=subjects[0].kind, classes=subjects[0].classes, word=subjects[0].word

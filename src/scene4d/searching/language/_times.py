@@ -8,7 +8,7 @@ from typing import Any
 from lark import Transformer, v_args
 
 from scene4d.searching.language._lexicon import Lexicon, base_forms
-from scene4d.searching.language._sentences import Clock, Lasting, Pair, Span, options_of
+from scene4d.searching.language._sentences import Clock, Lasting, Span, options_of
 from scene4d.searching.language._words import Amount, read_clock, refuse
 from scene4d.searching.predicates._when import DAY_S, When, Window
 
@@ -65,8 +65,8 @@ def hull(span: Span, nodes: Iterable[Any]) -> Span:
     spans = [span]
     for node in nodes:
         for option in options_of(node):
-            if isinstance(option, Pair):
-                spans.append(hull(span, (option.first, option.second)))
+            if isinstance(option, tuple):
+                spans.append(hull(span, option))
             elif hasattr(option, "span"):
                 spans.append(option.span)
     there = [(start, end) for start, end in spans if end > start]
@@ -132,11 +132,10 @@ class TimeReader(Transformer):
 
     # When another one was there ------------------------------------------------------------------
 
-    def when_earlier(self, _meta: Any, _children: list) -> When:
-        return When()
+    def when_earlier(self, _meta: Any, children: list) -> When:
+        return When(later=_is_later(children))
 
-    def when_later(self, _meta: Any, _children: list) -> When:
-        return When(later=True)
+    when_later = when_earlier
 
     def when_at_least(self, _meta: Any, children: list) -> When:
         return When(first_of(children, Amount).value, later=_is_later(children))

@@ -13,7 +13,7 @@ def check_voice(spoken: Spoken, clause: Clause, done: Done, discourse: Discourse
     """Refuse "is entering" for "is entered"."""
     said = discourse.said(done.span)
     is_active = re.match(r"(?!being)\w+ing\b", said) is not None
-    if said.casefold() == "left" and clause.subject is None:
+    if said.casefold() == "left" and not clause.subjects:
         raise discourse.refuse(done.span, '"left" is a side here, or a past; say "turns left"')
     if spoken.is_passive:
         has_be = clause.polarity.is_state or done.has_be or not spoken.has_subject
