@@ -118,12 +118,15 @@ def _does(
     terms: Sequence[Term],
     predicates: Mapping[str, Predicate],
 ) -> Float[np.ndarray, "m"]:
-    """P(the terms hold) of each row; who has no place on the ground is in no zone."""
+    """P(the terms hold) of each row; who has no place on the ground is in no zone, and what else
+    cannot be judged counts one half.
+    """
     seen = stage.rows(rows)
     p = np.ones(len(rows))
     for term in terms:
         value = predicates[term.predicate].function(seen, **arguments(term))
-        p *= np.nan_to_num(1 - value if term.negated else value, nan=0.0)
+        unknown = 0.0 if "zone" in term.parameters else _UNJUDGED
+        p *= np.nan_to_num(1 - value if term.negated else value, nan=unknown)
     return np.clip(p, 0.0, 1.0)
 
 

@@ -16,6 +16,10 @@ _ENDS = 3
 """Alternatives that share what comes after differ in so many words at most."""
 
 
+_DENIES = ("not", "no", "never", "nobody", "noone", "no-one", "nothing")
+"""What is said of both where "or" shares it: "not A or B" is neither, and no alternatives."""
+
+
 @dataclass(frozen=True)
 class Reading:
     """A search without alternatives, and how it was said."""
@@ -47,7 +51,11 @@ def either(
     right = words[place + 1 :]
     if not left or not right:
         raise refuse(text, words[place].start, '"or" of what?')
+    denied = next((word for word in left if word.value in _DENIES), None)
     for first, second, shared in _ways(text, left, right, read, are_alike):
+        if denied is not None and second != _said(text, right):
+            what = f'"{denied.surface}" of both, or of either? Say each in full'
+            raise refuse(text, denied.start, what)
         try:
             found = [*read(first, True), *read(second, True)]
         except InputError:

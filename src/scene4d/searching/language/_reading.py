@@ -277,7 +277,7 @@ class _Reader(ColourReader):
             noun = replace(noun, adjectives=noun.adjectives[1:])
         elif noun.relatives:
             core, noun = noun.relatives[0], replace(noun, relatives=noun.relatives[1:])
-        elif noun.article == "none":  # "nobody for 10 minutes"
+        elif noun.article == "none" and not all_of(children, Said):  # "nobody for 10 minutes"
             core = Said(StateEntry((Term("present", ("a",)),)), (), {}, noun.span)
         else:
             core = None  # refused when it is read, where no other reading makes sense
