@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 
+from app.pages import picture_at
 from app.serving_tests import Running
 from cli_scenes import mot_text
 from cli_scenes import people as boxes_of
@@ -63,6 +64,28 @@ def test_the_page_runs_it_and_shows_the_new_camera_beside_the_old_one(judged, op
     height = next(row.split("\t") for row in rows if row.startswith("Height"))
     assert height[1].startswith("5.00 ±")
     assert height[2].startswith(f"{found.camera.height_m:.2f} ±")
+
+
+def test_a_dragged_upright_is_a_landmark(judged, opened):
+    page = opened.page
+    page.goto(f"{judged[0].url}/")
+    page.keyboard.press("j")
+    foot, head = (picture_at(page, *CAMERA.project([[1.0, 12.0, z]])[0][0]) for z in (0, 2.1))
+    page.mouse.move(*foot)
+    page.mouse.down()
+    page.mouse.move(*head, steps=3)
+    page.mouse.up()
+    assert float(page.locator("#marks strong").inner_text().split()[0]) == pytest.approx(
+        2.1, abs=0.05
+    )
+    page.get_by_label("True height").fill("2.00")
+    with page.expect_request("**/calibration") as sent:
+        page.locator("#known-run").click()
+    (upright,) = sent.value.post_data_json["landmarks"]["uprights"]
+    assert upright["height_m"] == 2.0
+    assert CAMERA.locate([upright["foot_uv"]])[0][0] == pytest.approx([1, 12], abs=0.3)
+    page.locator("#again-cancel").click()
+    expect(page.locator("#again")).to_be_hidden()
 
 
 def test_it_is_cancelled_and_what_is_wrong_is_said(judged):

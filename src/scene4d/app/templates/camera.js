@@ -310,6 +310,25 @@ export function distanceBetween(camera, [a, b], heights = null) {
   return p && q ? Math.hypot(p[0] - q[0], p[1] - q[1]) : null;
 }
 
+const TALLEST_M = 20;
+
+// How tall an upright is whose foot and top are seen there.
+export function heightBetween(camera, [foot, top]) {
+  const place = camera.locate(...foot);
+  if (!place) return null;
+  const off = (z) => {
+    const uv = camera.project(...place, z);
+    return uv ? Math.hypot(uv[0] - top[0], uv[1] - top[1]) : Infinity;
+  };
+  let [low, high] = [0, TALLEST_M];
+  for (let i = 0; i < 60; i++) {
+    const [a, b] = [low + (high - low) / 3, high - (high - low) / 3];
+    if (off(a) <= off(b)) high = b;
+    else low = a;
+  }
+  return (low + high) / 2;
+}
+
 export function distanceFrom(camera, [a]) {
   const p = camera.locate(...a);
   return p ? Math.hypot(p[0] - camera.centre[0], p[1] - camera.centre[1]) : null;

@@ -1,5 +1,6 @@
 // Is the camera right? Uprights as it sees them, another horizon to try, and the command to run.
-import { $, draw, run, set, state } from "./state.js";
+import { $, draw, run, set, state, world } from "./state.js";
+import { heightBetween } from "./camera.js";
 import { halo, label } from "./look.js";
 
 const HANDLES = [0.12, 0.88];
@@ -78,9 +79,9 @@ export function judgeInPicture(context, view, now) {
   paintHandles(context, view, camera);
   const pointer = state.pointer;
   if (!pointer || !pointer.uv) return;
-  const place = camera.locate(...pointer.uv);
+  const place = world.foot ? camera.locate(...world.foot.uv) : camera.locate(...pointer.uv);
   if (!place) return;
-  const tall = now.camera.said.person_height_m;
+  const tall = world.foot ? heightBetween(camera, [world.foot.uv, pointer.uv]) : now.camera.said.person_height_m;
   const ends = [camera.project(...place, 0), camera.project(...place, tall)];
   if (!ends[0] || !ends[1]) return;
   const [[x1, y1], [x2, y2]] = ends.map((uv) => view.to(...uv));
@@ -123,12 +124,12 @@ export function orientationJson() {
 
 const round = (value) => Math.round(value * 1000) / 1000;
 
-// What `calibrate --landmarks` reads: lengths that are known, between clicked points.
+// What `calibrate --landmarks` reads: lengths and heights that are known, between clicked points.
 export function landmarksJson(marks) {
-  const distances = marks.map((mark) => ({
-    uv: mark.points.map((point) => point.uv.map(round)), distance_m: Number(mark.known),
-  }));
-  return { schema: "scene4d/landmarks/1", distances };
+  const seen = marks.map((mark) => ({ ...mark, uv: mark.points.map((point) => point.uv.map(round)), known: Number(mark.known) }));
+  const distances = seen.filter((one) => !one.upright).map(({ uv, known }) => ({ uv, distance_m: known }));
+  const uprights = seen.filter((one) => one.upright).map(({ uv, known }) => ({ foot_uv: uv[0], head_uv: uv[1], height_m: known }));
+  return { schema: "scene4d/landmarks/1", distances, uprights };
 }
 
 export const knownMarks = (marks) =>

@@ -110,19 +110,19 @@ function markRow(mark) {
   if (clicks !== null) parts.push(`pointing ± ${clicks.toFixed(2)} m`);
   const row = element("li", {},
     element("strong", { class: "figure" }, mark.text),
-    element("span", { class: "soft" }, mark.points.length === 1 ? "from the camera" : "between two points"),
+    element("span", { class: "soft" }, mark.upright ? "tall" : mark.points.length === 1 ? "from the camera" : "between two points"),
     element("span", { class: "soft" }, parts.join(", ")),
   );
   for (const { earth } of mark.points.filter((point) => point.earth)) row.append(earthRow(earth));
   if (mark.points.length === 2 && mark.points.every((point) => point.uv)) {
     const input = element("input", {
-      type: "number", min: "0.01", step: "0.01", value: mark.known, "aria-label": "True length in metres",
+      type: "number", min: "0.01", step: "0.01", value: mark.known, "aria-label": `True ${mark.upright ? "height" : "length"} in metres`,
       oninput: () => {
         mark.known = input.value;
         showKnown();
       },
     });
-    row.append(element("label", { class: "known" }, "True length, if you know it ", input, " m"));
+    row.append(element("label", { class: "known" }, `True ${mark.upright ? "height" : "length"}, if you know it `, input, " m"));
   }
   return row;
 }

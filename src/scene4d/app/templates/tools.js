@@ -1,6 +1,6 @@
 // The mouse in the picture and on the plan: who is there, the ruler, and what is being drawn.
 import { $, announce, draw, element, on, run, set, state, tell, world } from "./state.js";
-import { distanceBetween, distanceFrom } from "./camera.js";
+import { distanceBetween, distanceFrom, heightBetween } from "./camera.js";
 import { lonLat, placeSigma } from "./geo.js";
 import { halo, label, metres, plusMinus } from "./look.js";
 import { pictureView, trackInPicture } from "./picture.js";
@@ -24,10 +24,16 @@ export function startTools() {
     });
     canvas.addEventListener("pointerdown", (event) => {
       const [px, py] = view.at(event);
-      view.held = pane === "picture" && state.tool === "judge" && grabHorizon(px, py, view);
+      const judging = pane === "picture" && state.tool === "judge";
+      view.held = judging && grabHorizon(px, py, view);
+      const place = judging && !view.held ? point([px, py]) : null;
+      world.foot = place && place.xy ? place : null;
     });
     canvas.addEventListener("click", (event) => {
+      const { foot } = world;
+      world.foot = null;
       if (view.held) view.held = false;
+      else if (foot && isFar(view, foot.uv, view.at(event))) raise(foot, point(view.at(event)).uv);
       else if (!view.dragged) clicked(pane, point(view.at(event)), view.at(event));
     });
     canvas.addEventListener("dblclick", () => finishPlace());
@@ -48,7 +54,7 @@ const HINTS = {
   measure: "Click one point for its distance from the camera, a second for the length between them.",
   zone: "Click the corners in the picture or on the plan; Enter or a double click ends the zone.",
   line: "Click the points of the line; Enter or a double click ends it.",
-  judge: "An upright stands where you point. Drag the ends of the horizon to try another camera.",
+  judge: "An upright stands where you point. Drag the ends of the horizon to try another camera, or from the foot of something upright to its top to measure it.",
 };
 
 function inPicture([px, py]) {
@@ -145,19 +151,33 @@ function measure(place) {
   tell("marks");
 }
 
+const isFar = (view, uv, [px, py]) => {
+  const [x, y] = view.to(...uv);
+  return Math.hypot(x - px, y - py) > 10;
+};
+
+// Something upright, dragged from its foot to its top.
+function raise(foot, top) {
+  const mark = { run: state.run, points: [foot, { uv: top, xy: foot.xy }], known: "", upright: true };
+  world.marks.push(mark);
+  judged(mark);
+  tell("marks");
+  set("tab", "measure");
+}
+
 export function judged(mark) {
   const camera = world.runs[mark.run].camera;
   const pixels = mark.points.map((point) => point.uv);
   const seen = pixels.every(Boolean);
-  const of = pixels.length === 1 ? distanceFrom : distanceBetween;
+  const of = mark.upright ? heightBetween : pixels.length === 1 ? distanceFrom : distanceBetween;
   const [a, b] = mark.points.map((point) => point.xy);
   const end = b || [camera.centre[0], camera.centre[1]];
-  mark.value = Math.hypot(a[0] - end[0], a[1] - end[1]);
+  mark.value = mark.upright ? heightBetween(camera, pixels) : Math.hypot(a[0] - end[0], a[1] - end[1]);
   const scale = pictureView().scale || 1;
   mark.sigma = seen ? camera.sigma(of, pixels, Math.max(0.5, 1 / scale)) : { camera: null, clicks: null, total: null };
   mark.text = plusMinus(mark.value, mark.sigma.total);
   for (const point of mark.points) point.earth = onEarth(camera, point, Math.max(0.5, 1 / scale));
-  announce(`${mark.points.length === 1 ? "From the camera" : "Length"}: ${mark.text}`);
+  announce(`${mark.upright ? "Height" : mark.points.length === 1 ? "From the camera" : "Length"}: ${mark.text}`);
 }
 
 // Where on the Earth a point is, in words and for other programs; null where that is not known.
