@@ -49,9 +49,12 @@ def links_of(views: Sequence[View]) -> list[Link]:
 def errors(site: Site, solution: Solution) -> tuple[np.ndarray, np.ndarray]:
     """Estimate less truth (n, 5) of placed cameras but the first, and the same in sigmas."""
     apart, sigmas = [], []
-    for one, placement in zip(site.seen[1:], solution.placements[1:], strict=True):
+    truths = zip(site.seen[1:], solution.placements[1:], site.drift[1:], strict=True)
+    for one, placement, rate in truths:
         if placement and solution.placements[0]:
             step = placement.parameters - one.truth.parameters
+            if placement.drift is not None:
+                step[4] -= rate * placement.drift.at_s
             step[2] = np.angle(np.exp(1j * step[2]))
             apart.append(step)
             sigmas.append(step / np.sqrt(np.diag(placement.covariance)))
@@ -154,7 +157,8 @@ def hour(cameras: int, minutes: float) -> Rows:
     views, links, solution, cost = _solved(site)
     apart, sigmas = errors(site, solution)
     there = np.array([bool(one) for one in solution.placements])
-    drift = 1e6 * np.abs(solution.drift - site.drift)[there]
+    rates = [0.0 if one.drift is None else one.drift.rate for one in solution.placements]
+    drift = 1e6 * np.abs(rates - site.drift)[there]
     rows: Rows = [
         ["cameras", "minutes", "tracks", "pairs joined", "placed", *HEAD, "drift", "time"]
     ]

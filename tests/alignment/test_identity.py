@@ -28,7 +28,7 @@ def looked(eyes, walkers, seed=0, breaks=0.03):
     passages, whose = [], {}
     for eye in eyes:
         tracks, whose[eye.name] = seen(eye, walkers, seed, breaks)
-        tracks = replace(in_site(tracks, eye.placement), time_s=eye.placement.times(tracks.time_s))
+        tracks = in_site(tracks, eye.placement)
         passages.append(passages_of(eye.name, tracks))
     return passages, whose
 

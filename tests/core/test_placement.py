@@ -1,12 +1,14 @@
 """Placements: a group of motions, with covariances that a numerical derivative confirms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
-from scene4d.core.placement import PLACED, Placement
+from scene4d.core.placement import PLACED, Drift, Placement
 from strategies import build_camera
 
 FAR = st.floats(-200.0, 200.0)
@@ -52,6 +54,20 @@ def test_there_and_back_is_where_one_was(placement, xy):
     np.testing.assert_allclose(back.times(placement.times(xy[:, 0])), xy[:, 0], atol=1e-9)
     whole = placement.then(back)
     np.testing.assert_allclose(whole.parameters, np.zeros(5), atol=1e-9)
+
+
+RATES = st.floats(-0.01, 0.01)
+DRIFTS = st.none() | st.builds(Drift, RATES, st.floats(0, 1e-4), FAR)
+
+
+@given(PLACEMENTS, PLACEMENTS, DRIFTS, DRIFTS, POINTS)
+def test_clocks_that_drift_go_there_and_back_and_through_another(inner, outer, one, other, xy):
+    inner, outer, time_s = replace(inner, drift=one), replace(outer, drift=other), xy[:, 0]
+    back = inner.inverse().times(inner.times(time_s))
+    np.testing.assert_allclose(back, time_s, atol=1e-9)
+    both = inner.then(outer)
+    np.testing.assert_allclose(both.times(time_s), outer.times(inner.times(time_s)), atol=1e-9)
+    assert (both.drift is None) == (one is None and other is None)
 
 
 @given(PLACEMENTS, PLACEMENTS, POINTS)

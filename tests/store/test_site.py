@@ -127,7 +127,6 @@ def test_fused_rows_are_nearer_to_the_truth_and_say_so(tmp_path):
             tracks, whose = seen(eye, walkers, seed)
             owner = np.array([whose[t] + 1 for t in tracks.track.tolist()])
             tracks = replace(in_site(tracks, eye.placement), track=owner)
-            tracks = replace(tracks, time_s=eye.placement.times(tracks.time_s))
             parts.append(tracks.select(np.lexsort((tracks.time_s, tracks.track))))
         both = fused(parts, 0.2)
         assert (np.diff(both.time_s)[np.diff(both.track) == 0] > 0.19).all()

@@ -18,7 +18,7 @@ from scene4d.alignment._pairs import Link
 from scene4d.alignment._paths import MODES, View, covariance_root
 from scene4d.core.body import HEIGHT_SIGMA_M, PERSON_HEIGHT_M
 from scene4d.core.calibration import PARAMETERS
-from scene4d.core.placement import Placement
+from scene4d.core.placement import Drift, Placement
 
 _STEPS = 12
 _RELINEARISED = 2
@@ -33,17 +33,15 @@ _LEAST_DRIFT = 2e-5
 class Solution:
     """Where the cameras are in the site, in their order.
 
-    ``placements`` of cameras that no chain of pairs joins to the largest group are undetermined.
-    ``drift`` is by which fraction a clock runs slower than the site's where that is
-    certain, else 0, with ``drift_sigma``. ``errors`` (k,) of each camera are its most probable
-    calibration errors in standard deviations of its modes. ``rejected`` are pairs thrown out, with
-    the reason. ``groups`` are the cameras that are joined to each other.
+    ``placements`` of cameras that no chain of pairs joins to the largest group are undetermined;
+    those of clocks that certainly run at different rates have a drift. ``errors`` (k,) of each
+    camera are its most probable calibration errors in standard deviations of its modes.
+    ``rejected`` are pairs thrown out, with the reason. ``groups`` are the cameras that are joined
+    to each other.
     """
 
     placements: tuple[Placement, ...]
     errors: tuple[Float[np.ndarray, "k"], ...]
-    drift: Float[np.ndarray, "n"]
-    drift_sigma: Float[np.ndarray, "n"]
     groups: tuple[tuple[int, ...], ...]
     used: tuple[Link, ...]
     rejected: tuple[tuple[Link, str], ...]
@@ -61,8 +59,7 @@ def solve(views: Sequence[View], links: Sequence[Link]) -> Solution:
     for _ in range(_RELINEARISED if len(inside) > 1 else 0):
         inside = [_relinearised(views, one, point, slots) for one in inside]
         point, covariance, slots = _estimate(views, inside, chosen)
-    placements, drift, drift_sigma = [], np.zeros(len(views)), np.zeros(len(views))
-    errors = []
+    placements, errors = [], []
     for camera, view in enumerate(views):
         if camera not in slots:
             placements.append(Placement.undetermined(_why(camera, views, links, groups)))
@@ -71,13 +68,9 @@ def solve(views: Sequence[View], links: Sequence[Link]) -> Solution:
         at = slots[camera]
         placements.append(_placement(view, point[at], covariance[at, at]))
         errors.append(point[at][POSE:])
-        drift[camera] = point[at][POSE - 1]
-        drift_sigma[camera] = np.sqrt(covariance[at, at][POSE - 1, POSE - 1])
     return Solution(
         tuple(placements),
         tuple(errors),
-        drift,
-        drift_sigma,
         tuple(map(tuple, groups)),
         tuple(inside),
         tuple(rejected),
@@ -114,15 +107,21 @@ def _why(
 def _placement(view: View, values: np.ndarray, covariance: np.ndarray) -> Placement:
     """The map of the camera's ground: from the pose, and the scale that its errors amount to.
 
-    The scale is the mean ratio of true to reported distance from the camera over its tracks.
+    The scale is the mean ratio of true to reported distance from the camera over its tracks. The
+    offset is that in the middle of them, which is known best where the clock drifts.
     """
+    middle_s = float(view.time_s.min() + view.time_s.max()) / 2
     weight = np.einsum("na,nak->k", view.xy_m, view.modes_m) / max((view.xy_m**2).sum(), 1e-9)
     slopes = np.zeros((5, len(values)))
     slopes[:3, :3] = np.eye(3)
-    slopes[4, 3] = 1.0
+    slopes[4, 3], slopes[4, POSE - 1] = 1.0, middle_s
     slopes[3, POSE:] = -weight
     at = slopes @ values
-    return Placement.from_parameters(at, _symmetric(slopes @ covariance @ slopes.T))
+    found = Placement.from_parameters(at, _symmetric(slopes @ covariance @ slopes.T))
+    rate, variance = values[POSE - 1], covariance[POSE - 1, POSE - 1]
+    if rate == 0.0:
+        return found
+    return replace(found, drift=Drift(float(rate), float(np.sqrt(variance)), middle_s))
 
 
 def _estimate(
@@ -153,7 +152,7 @@ def _estimate(
     for camera in group:
         if not drifting:
             at = slots[camera].start + POSE - 1
-            covariance[at] = covariance[:, at] = 0.0
+            covariance[at] = covariance[:, at] = point[at] = 0.0
     return point, covariance, slots
 
 

@@ -74,7 +74,7 @@ def _unscaled(solution: Solution, number: int) -> Placement:
     found = solution.placements[number]
     parameters = found.parameters
     parameters[3] = 0.0
-    return Placement.from_parameters(parameters, found.covariance)
+    return replace(Placement.from_parameters(parameters, found.covariance), drift=found.drift)
 
 
 def _summed_up(found: Calibration, view: View) -> Calibration:

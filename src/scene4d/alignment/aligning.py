@@ -101,8 +101,7 @@ class _Placed:
             return None
         if self.refined is not None:
             found = regrounded(found, self.read.calibration, self.refined)
-        there = in_site(found, self.placement)
-        return replace(there, time_s=self.placement.times(there.time_s))
+        return in_site(found, self.placement)
 
 
 def align(
@@ -210,12 +209,10 @@ def _placed(
             found.append(_Placed(one, Placement.undetermined("nobody was tracked by this camera")))
             continue
         placement, better = next(places)
-        drift = float(solution.drift[len(found) - sum(x.read.view is None for x in found)])
         if better is None:
-            found.append(_Placed(one, _at_middle(one.view, placement, drift)))
+            found.append(_Placed(one, placement))
         else:
-            at = _at_middle(one.view, better.placement, drift)
-            found.append(_Placed(one, at, better.calibration))
+            found.append(_Placed(one, better.placement, better.calibration))
     return found
 
 
@@ -234,14 +231,6 @@ def _anchored(cameras: Sequence[_Placed], anchors: Anchors) -> tuple[list[_Place
         anchors,
     )
     return [replace(one, placement=found[one.name]) for one in cameras], anchor
-
-
-def _at_middle(view: View, placement: Placement, drift: float) -> Placement:
-    """A placement with the offset at the middle of the footage, where the clock drifts."""
-    if not placement or drift == 0.0:
-        return placement
-    middle_s = float(np.mean([view.time_s.min(), view.time_s.max()]))
-    return replace(placement, time_offset_s=placement.time_offset_s + drift * middle_s)
 
 
 def _why(camera: int, links: Sequence[Link]) -> str:
@@ -264,14 +253,13 @@ def _about(read: Sequence[_Read], solution: Solution | None) -> list[str]:
     for one, reason in solution.rejected:
         a, b = there[one.a].watched.name, there[one.b].watched.name
         said.append(f"cameras {a!r} and {b!r}: left out, {reason}")
-    for camera, drift in zip(there, solution.drift.tolist(), strict=True):
+    for camera, placement in zip(there, solution.placements, strict=True):
         assert camera.view is not None
-        span_s = float(np.ptp(camera.view.time_s))
-        if abs(drift) * span_s > _DRIFT_TOLD_S:
+        drift, span_s = placement.drift, float(np.ptp(camera.view.time_s))
+        if drift is not None and abs(drift.rate) * span_s > _DRIFT_TOLD_S:
             said.append(
-                f"camera {camera.watched.name!r}: its clock drifts by {drift * 3600:+.1f} s an "
-                f"hour against the site's; times are right in the middle of its footage and off by "
-                f"{abs(drift) * span_s / 2:.1f} s at its ends"
+                f"camera {camera.watched.name!r}: its clock is slow by {drift.rate * 3600:+.2f} ± "
+                f"{drift.sigma * 3600:.2f} s an hour against the site's, which is taken off"
             )
     return said
 

@@ -12,26 +12,24 @@ from scene4d.core.tracks import Tracks
 from scene4d.searching import opened as open_places
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
-from scene4d.store.site import Site
+from scene4d.store.site import RunClock, Site
+
+_ROUNDING_S = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
     """A run as the page shows it: what the camera is called, its calibration in the page's frame,
-    what to add to the clip's time for the page's clock, and when that was 0 (ns since 1970).
+    the first and last time of a row on the page's clock, what to add to the clip's time for that
+    (in the middle, where a clock drifts), and when it was 0 (ns since 1970).
     """
 
     run: Run
     camera: str
     calibration: Calibration
+    span_s: tuple[float, float]
     shift_s: float = 0.0
     start_ns: int | None = None
-
-    @property
-    def span_s(self) -> tuple[float, float]:
-        """First and last time of a row on the page's clock."""
-        begin_s, end_s = self.run.span_s or (0.0, 0.0)
-        return begin_s + self.shift_s, end_s + self.shift_s
 
 
 class Opened:
@@ -75,7 +73,8 @@ class Opened:
             return scene.tracks(keypoints=False, begin=since_s)
         begin_s, end_s = one.span_s
         begin_s = begin_s if since_s is None else max(begin_s, since_s)
-        return self.site.camera_tracks(one.camera, keypoints=False, begin=begin_s, end=end_s + 1e-6)
+        begin_s, end_s = begin_s - _ROUNDING_S, end_s + _ROUNDING_S
+        return self.site.camera_tracks(one.camera, keypoints=False, begin=begin_s, end=end_s)
 
     def fused(self) -> Tracks | None:
         """Everybody of a site once, whichever of several cameras saw them; None for scenes."""
@@ -113,6 +112,7 @@ def _of_scene(scene: Scene) -> list[Shown]:
             run,
             run.camera,
             known[run.camera],
+            run.span_s or (0.0, 0.0),
             start_ns=run.start_ns if run.start_known else None,
         )
         for run in scene.runs
@@ -124,11 +124,19 @@ def _of_site(site: Site) -> list[Shown]:
     start = site.start
     start_ns = None if start is None else round(start.timestamp() * 1e6) * 1000
     return [
-        Shown(run, name, _in_site(site, name), shift_s, start_ns)
+        _shown(run, name, _in_site(site, name), clock, start_ns)
         for name in site.cameras
-        for run, shift_s in site.runs(name)
+        for run, clock in site.runs(name)
         if run.rows
     ]
+
+
+def _shown(
+    run: Run, name: str, calibration: Calibration, clock: RunClock, start_ns: int | None
+) -> Shown:
+    begin_s, end_s = run.span_s or (0.0, 0.0)
+    span_s = clock.in_site(begin_s), clock.in_site(end_s)
+    return Shown(run, name, calibration, span_s, clock.middle_shift_s(run.span_s), start_ns)
 
 
 def _in_site(site: Site, name: str) -> Calibration:

@@ -1,7 +1,8 @@
 """Where the ground and the clock of one camera lie in those of a site.
 
 A point p of a camera's ground (metres, :mod:`scene4d.core.camera`) is
-``scale * Rot(heading) p + (x, y)`` in the site's, and a time t of its clock ``t + time_offset_s``.
+``scale * Rot(heading) p + (x, y)`` in the site's, and a time t of its clock ``t + time_offset_s``,
+plus ``rate * (t - at_s)`` where its clock drifts.
 """
 
 from dataclasses import dataclass, field
@@ -19,12 +20,24 @@ _QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
 """Rotation by a quarter turn: the derivative of a rotation is this times the rotation."""
 
 
+@dataclass(frozen=True)
+class Drift:
+    """By which fraction a camera's clock runs slower than its site's, with its standard deviation,
+    and the time of the camera's clock at which the placement's offset holds.
+    """
+
+    rate: float
+    sigma: float
+    at_s: float
+
+
 @dataclass(frozen=True, eq=False)
 class Placement:
     """A camera's frame in that of its site; false if it is undetermined.
 
     ``heading_rad`` turns from +X to +Y and is kept within ±π; ``scale`` is metres of the site per
-    metre of the camera. ``covariance`` is that of :data:`PLACED`, symmetric. A placement that is
+    metre of the camera. ``covariance`` is that of :data:`PLACED`, symmetric. ``drift`` is None
+    where the footage does not show one: both clocks run alike then. A placement that is
     ``"undetermined"`` has a ``reason`` and NaN for its numbers, so nothing can be put by it.
     Raises :class:`InputError` for numbers that are not finite or a scale that is not positive.
     """
@@ -37,6 +50,7 @@ class Placement:
     covariance: Float[np.ndarray, "5 5"] = field(default_factory=lambda: np.zeros((5, 5)))
     status: Literal["ok", "undetermined"] = "ok"
     reason: str | None = None
+    drift: Drift | None = None
 
     def __post_init__(self) -> None:
         if self.status == "ok":
@@ -109,7 +123,9 @@ class Placement:
 
     def times(self, time_s: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Times of the camera's clock in the site's."""
-        return time_s + self.time_offset_s
+        if self.drift is None:
+            return time_s + self.time_offset_s
+        return time_s + self.time_offset_s + self.drift.rate * (time_s - self.drift.at_s)
 
     def own_covariances(
         self, covariance: Float[np.ndarray, "*n 2 2"]
@@ -142,12 +158,18 @@ class Placement:
         self,
         xy_m: Float[np.ndarray, "n 2"],
         velocity_mps: Float[np.ndarray, "n 2"] | None = None,
+        time_s: Float[np.ndarray, "n"] | None = None,
     ) -> Float[np.ndarray, "n 2 2"]:
         """Covariance (m²) of points in the site's frame that is due to the placement: an error that
-        all points of the camera share. ``velocity_mps`` as for :meth:`point_jacobian`.
+        all points of the camera share. ``velocity_mps`` as for :meth:`point_jacobian`; with
+        ``time_s``, on the camera's clock, that of the drift is in it.
         """
         jacobian = self.point_jacobian(xy_m, velocity_mps)
-        return jacobian @ self.covariance @ jacobian.swapaxes(1, 2)
+        found: np.ndarray = jacobian @ self.covariance @ jacobian.swapaxes(1, 2)
+        if self.drift is None or time_s is None:
+            return found
+        late = jacobian[:, :, 4] * (self.drift.sigma * (time_s - self.drift.at_s))[:, None]
+        return found + late[:, :, None] * late[:, None, :]
 
     def velocity_covariances(
         self, velocity_mps: Float[np.ndarray, "n 2"]
@@ -172,7 +194,13 @@ class Placement:
         jacobian[:2, 3] = -xy
         covariance = _symmetric(jacobian @ self.covariance @ jacobian.T)
         offset, heading = -self.time_offset_s, -self.heading_rad
-        return Placement(float(xy[0]), float(xy[1]), heading, 1 / self.scale, offset, covariance)
+        back_drift = self.drift and Drift(
+            -self.drift.rate / (1 + self.drift.rate),
+            self.drift.sigma / (1 + self.drift.rate) ** 2,
+            self.drift.at_s + self.time_offset_s,
+        )
+        x, y = xy.tolist()
+        return Placement(x, y, heading, 1 / self.scale, offset, covariance, drift=back_drift)
 
     def then(self, outer: "Placement") -> "Placement":
         """This frame in the frame that ``outer`` puts its site into; the two err independently.
@@ -188,11 +216,13 @@ class Placement:
         by_outer[:2] = outer.point_jacobian(at)[0]
         covariance = inner @ self.covariance @ inner.T + by_outer @ outer.covariance @ by_outer.T
         (x, y), scale = outer.points(at)[0].tolist(), outer.scale * self.scale
-        heading, offset = (
-            self.heading_rad + outer.heading_rad,
-            self.time_offset_s + outer.time_offset_s,
-        )
-        return Placement(x, y, heading, scale, offset, _symmetric(covariance))
+        heading = self.heading_rad + outer.heading_rad
+        drift = _drifts(self, outer)
+        offset = self.time_offset_s + outer.time_offset_s
+        if drift is not None and outer.drift is not None:
+            at_s = drift.at_s + self.time_offset_s
+            offset = float(outer.times(np.array([at_s]))[0]) - drift.at_s
+        return Placement(x, y, heading, scale, offset, _symmetric(covariance), drift=drift)
 
     def camera(self, camera: Camera) -> Camera:
         """The camera in the site's frame: the same picture of the same things, in metres of the
@@ -205,6 +235,15 @@ class Placement:
         R = camera.R @ turn.T
         centre = self.scale * turn @ camera.centre_m + np.array([self.x_m, self.y_m, 0.0])
         return camera.lens.posed(R, -R @ centre)
+
+
+def _drifts(inner: Placement, outer: Placement) -> Drift | None:
+    """The drift of a clock against that of the outer site."""
+    if outer.drift is None:
+        return inner.drift
+    own = inner.drift or Drift(0.0, 0.0, outer.drift.at_s - inner.time_offset_s)
+    rate = (1 + own.rate) * (1 + outer.drift.rate) - 1
+    return Drift(rate, float(np.hypot(own.sigma, outer.drift.sigma)), own.at_s)
 
 
 def _wrapped(angle_rad: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:

@@ -113,9 +113,9 @@ def _memory(stretches: _Stretches, progress: Progress) -> Memory | None:
         return None
     start_s = site.start.timestamp() if site.start is not None else 0.0
     clips = [
-        (camera, Clip(run, start_s + shift_s))
+        (camera, Clip(run, start_s + clock.middle_shift_s(run.span_s)))
         for camera in site.cameras
-        for run, shift_s in site.runs(camera)
+        for run, clock in site.runs(camera)
     ]
     pieces = {
         str(begin_s): Piece(
@@ -193,10 +193,11 @@ def _seen_best(event: Event, stretch: _Stretch, asked: Asked) -> FoundEvent | No
     if not cameras:
         return None
     best = rows[cameras[0]]
-    run, shift_s = min(
-        site.runs(cameras[0]), key=lambda one: _outside(one[0], event.begin_s - one[1])
+    run, clock = min(
+        site.runs(cameras[0]), key=lambda one: _outside(one[0], one[1].in_clip(event.begin_s))
     )
-    window, begin_s = asked.query.window, event.begin_s - shift_s
+    window, begin_s = asked.query.window, clock.in_clip(event.begin_s)
+    shift_s = event.begin_s - begin_s
     if window is not None and not (
         run.start_known and window.contains(second_of_day(run, begin_s))
     ):
@@ -256,15 +257,15 @@ def _merged(events: Sequence[FoundEvent], site: Site) -> list[FoundEvent]:
     as the camera saw it whose event scores best.
     """
     identity = _identity_of(site)
-    clock = {run.run: (name, shift_s) for name in site.cameras for run, shift_s in site.runs(name)}
+    clocks = {run.run: (name, clock) for name in site.cameras for run, clock in site.runs(name)}
     told = []
     for found in events:
-        camera, shift_s = clock.get(found.run.run, (None, 0.0))
-        if camera is None:
+        if found.run.run not in clocks:
             told.append(found)
             continue
+        camera, clock = clocks[found.run.run]
         roles = {role: identity.get(track) for role, track in found.event.roles.items()}
-        times = found.event.begin_s + shift_s, found.event.end_s + shift_s
+        times = clock.in_site(found.event.begin_s), clock.in_site(found.event.end_s)
         told.append(replace(found, across=_told(roles, [camera], *times)))
     return _once(told)
 

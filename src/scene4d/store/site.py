@@ -9,7 +9,7 @@ The tracks stay in the scenes; a site maps them while it reads.
 
 import os
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import cached_property
 from pathlib import Path
@@ -45,6 +45,42 @@ a second and more have a row for each."""
 _NS = 1e9
 _MOST_SHOWN = 4000
 """Positions in a notebook's plan."""
+
+
+@dataclass(frozen=True)
+class RunClock:
+    """The time of a run's clip and that of its site: ``camera_s`` is what to add to the clip's for
+    its camera's clock.
+    """
+
+    camera_s: float
+    placement: Placement
+
+    def in_site(self, clip_s: float) -> float:
+        """A moment of the clip on the site's clock."""
+        rate, at_s = self._drift
+        return clip_s + self._shift_s + rate * (clip_s - at_s)
+
+    def in_clip(self, site_s: float) -> float:
+        """A moment of the site's clock in the clip."""
+        rate, at_s = self._drift
+        return (site_s - self._shift_s + rate * at_s) / (1 + rate)
+
+    def middle_shift_s(self, span_s: tuple[float, float] | None) -> float:
+        """What to add to times of the clip for the site's clock, in the middle of a span."""
+        begin_s, end_s = span_s or (0.0, 0.0)
+        rate, at_s = self._drift
+        return self._shift_s + rate * ((begin_s + end_s) / 2 - at_s)
+
+    @property
+    def _shift_s(self) -> float:
+        return self.placement.time_offset_s + self.camera_s
+
+    @property
+    def _drift(self) -> tuple[float, float]:
+        """The rate, and the time of the clip at which the shift holds."""
+        drift = self.placement.drift
+        return (0.0, 0.0) if drift is None else (drift.rate, drift.at_s - self.camera_s)
 
 
 class Site:
@@ -137,19 +173,19 @@ class Site:
         camera has a place.
         """
         spans = [
-            (begin + shift, end + shift)
+            (clock.in_site(begin), clock.in_site(end))
             for camera in self._asked_cameras(None)
-            for run, shift in self.runs(camera)
+            for run, clock in self.runs(camera)
             if run.span_s
             for begin, end in [run.span_s]
         ]
         return min(begin for begin, _ in spans), max(end for _, end in spans)
 
-    def runs(self, camera: str) -> list[tuple[Run, float]]:
-        """A camera's runs, and what to add to times of each for the site's clock (s)."""
-        offset_s = self.placed(camera).placement.time_offset_s
+    def runs(self, camera: str) -> list[tuple[Run, RunClock]]:
+        """A camera's runs, each with its clock."""
+        placement, start_ns = self.placed(camera).placement, self._said.start_ns
         return [
-            (run, offset_s + clock_s(run, self._said.start_ns)) for run in self.scene(camera).runs
+            (run, RunClock(clock_s(run, start_ns), placement)) for run in self.scene(camera).runs
         ]
 
     def tracks(self, *, step_s: float = STEP_S, **asked: Unpack[Question]) -> Tracks:
@@ -194,11 +230,11 @@ class Site:
             known = known.select(np.isin(known.identity, np.asarray(asked["tracks"])))
             own["tracks"] = known.track
         found = []
-        for run, shift_s in self.runs(camera):
-            limits = {name: self._in_clip(asked.get(name), shift_s) for name in ("begin", "end")}
+        for run, clock in self.runs(camera):
+            limits = {name: self._in_clip(asked.get(name), clock) for name in ("begin", "end")}
             scene = self.scene(camera).only(run.run)
             rows = scene.tracks(keypoints=keypoints, **own | limits)  # type: ignore[arg-type]
-            found.append(replace(rows, time_s=rows.time_s + shift_s))
+            found.append(replace(rows, time_s=rows.time_s + clock.camera_s))
         tracks = self._placed_tracks(camera, _joined(found))
         tracks = known.numbered(tracks)
         return _inside(tracks, asked.get("within_m"))
@@ -209,7 +245,7 @@ class Site:
             tracks = regrounded(tracks, before, after)
         return in_site(tracks, self.placed(camera).placement)
 
-    def _in_clip(self, moment: Any, shift_s: float) -> float | None:
+    def _in_clip(self, moment: Any, clock: RunClock) -> float | None:
         """A moment, or seconds of the site's clock, in seconds of a clip."""
         if moment is None:
             return None
@@ -220,7 +256,7 @@ class Site:
                     "clock"
                 )
             moment = (moment - self.start).total_seconds()
-        return float(moment) - shift_s
+        return clock.in_clip(float(moment))
 
     def scene_calibration(self, camera: str) -> Calibration:
         """The calibration on whose ground the scene's rows are, before the site refined it."""
@@ -292,15 +328,17 @@ def clock_s(run: Run, start_ns: int | None) -> float:
 
 
 def in_site(tracks: Tracks, placement: Placement) -> Tracks:
-    """Tracks of a camera in the site's frame; their times stay."""
+    """Tracks of a camera on its clock, in the site's frame and on the site's clock."""
     velocity = np.nan_to_num(tracks.velocity_mps)
     shared = placement.own_covariances(tracks.shared_covariance_m2)
+    shared = shared + placement.point_covariances(tracks.xy_m, velocity, tracks.time_s)
     own_velocity = placement.own_covariances(tracks.velocity_covariance)
     return replace(
         tracks,
+        time_s=placement.times(tracks.time_s),
         xy_m=placement.points(tracks.xy_m),
         covariance_m2=placement.own_covariances(tracks.covariance_m2),
-        shared_covariance_m2=shared + placement.point_covariances(tracks.xy_m, velocity),
+        shared_covariance_m2=shared,
         velocity_mps=placement.velocities(tracks.velocity_mps),
         velocity_covariance=own_velocity + placement.velocity_covariances(velocity),
         heading_rad=placement.headings(tracks.heading_rad),

@@ -3,12 +3,14 @@
     {"schema": "scene4d/site/1", "start": "2026-11-20T08:00:00Z", "start_ns": .., "cameras": {NAME:
      {"scene": FOLDER, "camera": FILE, "name": .., "runs": [..], "x_m": .., "y_m": ..,
       "heading_deg": .., "scale": .., "time_offset_s": .., "sigma": {..}, "covariance": 5x5,
-      "status": "ok"}}, "anchor": null}
+      "clock_drift": null, "status": "ok"}}, "anchor": null}
 
 Paths are relative to the site's folder where they can be. ``name`` is the camera's in its scene.
 An undetermined camera has ``reason`` and no numbers. ``start`` is the zero of the site's clock,
 null where no camera's is known: the clock of a camera counts from there if the start of its footage
-is known, else from the beginning of its clip.
+is known, else from the beginning of its clip. ``clock_drift`` is null where the clocks run alike as
+far as the footage tells, else ``{"ppm": .., "sigma_ppm": .., "at_s": ..}``: by how much the
+camera's clock is slow, and the time of that clock at which the offset holds.
 """
 
 import os
@@ -20,12 +22,13 @@ import numpy as np
 
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
-from scene4d.core.placement import PLACED, Placement
+from scene4d.core.placement import PLACED, Drift, Placement
 
 SITE_SCHEMA = "scene4d/site/1"
 """Name and version of the file, and the only one that is read."""
 SITE_FILE, IDENTITIES_FILE = "site.json", "identities.parquet"
 _DEGREES = 180 / np.pi
+_PPM = 1e6
 _KINDS = ("earth", "plan", "cameras")
 _FIELDS = ("x_m", "y_m", "heading_deg", "scale", "time_offset_s")
 
@@ -123,6 +126,13 @@ def _told(one: SiteCamera, folder: Path) -> dict[str, Any]:
         **dict(zip(_FIELDS, numbers, strict=True)),
         "sigma": {name: sigma[name] for name in _FIELDS},
         "covariance": {"parameters": list(PLACED), "matrix": placed.covariance.tolist()},
+        "clock_drift": None
+        if placed.drift is None
+        else {
+            "ppm": placed.drift.rate * _PPM,
+            "sigma_ppm": placed.drift.sigma * _PPM,
+            "at_s": placed.drift.at_s,
+        },
         "status": placed.status,
     }
 
@@ -154,7 +164,14 @@ def _placement(said: JsonObject) -> Placement:
     covariance = told.array("matrix", 5, 5)
     if not np.allclose(covariance, covariance.T) or np.linalg.eigvalsh(covariance)[0] < -1e-6:
         raise told.error("matrix", "that of a covariance: symmetric, and no negative variance")
-    return Placement(x_m, y_m, heading_deg / _DEGREES, scale, offset_s, covariance)
+    drift = _drift(said.object("clock_drift")) if "clock_drift" in said else None
+    heading_rad = heading_deg / _DEGREES
+    return Placement(x_m, y_m, heading_rad, scale, offset_s, covariance, drift=drift)
+
+
+def _drift(said: JsonObject) -> Drift:
+    ppm, sigma = said.number("ppm", above=-_PPM), said.number("sigma_ppm", least=0.0)
+    return Drift(ppm / _PPM, sigma / _PPM, said.number("at_s"))
 
 
 def _anchor(said: JsonObject) -> SiteAnchor:
