@@ -49,7 +49,10 @@ def as_json(values: dict[str, Any], what: str) -> dict[str, Any]:
 
 def settle(folder: Path) -> None:
     """Names in a folder reach the disk before the manifest that relies on them."""
-    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except PermissionError:  # Windows opens no folder; NTFS logs names in their order
+        return
     try:
         os.fsync(descriptor)
     finally:
