@@ -142,8 +142,12 @@ def run_extras(python: Path, wheel: Path, place: Path) -> None:
     words = [python.with_name("scene4d"), "serve", "scene", "--port", "0"]
     with subprocess.Popen(words, cwd=place, stderr=subprocess.PIPE, text=True) as server:
         try:
-            line = next(line for line in server.stderr if "serving at" in line)
-            address = re.search(r"http://\S+", line)[0]
+            told = []
+            while "serving at" not in "".join(told):
+                told.append(server.stderr.readline())
+                if not told[-1]:
+                    raise SystemExit(f"wheel: serve ended: {''.join(told)}")
+            address = re.search(r"http://\S+", told[-1])[0]
             with urllib.request.urlopen(address, timeout=60) as page:
                 assert b"<html" in page.read(), address
         finally:
