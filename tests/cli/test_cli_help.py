@@ -12,6 +12,7 @@ from pathlib import Path
 import click
 import pytest
 import typer
+import yaml
 
 from scene4d.calibration import METHODS
 from scene4d.cli.app import app
@@ -97,6 +98,19 @@ def test_the_commands_of_the_pages_name_what_exists(page):
         assert names or words == ["--version", "--json"], line
         options = {word.partition("=")[0] for word in words if word.startswith("--")}
         assert not names or options <= options_of(names[-1]), line
+
+
+def test_the_services_run_commands_that_exist_with_few_rights():
+    services = yaml.safe_load((ROOT / "container" / "compose.yaml").read_text())["services"]
+    for name in ("watch", "serve"):
+        command = services[name]["command"]
+        assert command[0] == name
+        assert {word for word in command if word.startswith("--")} <= options_of(name)
+        assert services[name]["read_only"] and services[name]["cap_drop"] == ["ALL"]
+    lines = (ROOT / "container" / "Dockerfile").read_text().splitlines()
+    assert lines.index("USER scene4d") < lines.index('ENTRYPOINT ["scene4d"]')
+    copied = [word for line in lines if line.startswith("COPY p") for word in line.split()[1:-1]]
+    assert copied and all((ROOT / word).exists() for word in copied)
 
 
 def test_there_are_no_other_commands():
