@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import signal
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,10 +19,11 @@ from app.pages import click, picture_at
 from app.serving_tests import Running
 from finding_scenes import people, write_scene
 from scene4d.app import ServeOptions
+from scene4d.app._served import Served
 from scene4d.core.errors import InputError
 from scene4d.searching.kept import kept_searches
 from scene4d.video.reader import open_source
-from walks import CAMERA, FPS, SIZE
+from walks import CAMERA, FPS, SIZE, write_video
 
 
 @pytest.fixture(scope="module")
@@ -77,11 +79,10 @@ def test_a_search_that_takes_too_long_or_is_left_is_ended_and_frees_its_turn(rea
     assert (status, said["error"]["kind"]) == (503, "slow")
     assert process.returncode == -signal.SIGKILL
     monkeypatch.undo()
-    assert reading.post("/api/search", meet)[0] == 200
-    process = reading.api.searcher.process
-    os.kill(process.pid, signal.SIGSTOP)
     client = http.client.HTTPConnection("127.0.0.1", reading.port)
     client.request("POST", "/api/search", json.dumps(meet), {"Content-Type": "application/json"})
+    while (process := reading.api.searcher.process) is None:
+        time.sleep(0.01)
     client.close()
     assert reading.post("/api/search", meet)[0] == 200
     assert process.returncode == -signal.SIGKILL
@@ -135,6 +136,7 @@ def test_footage_in_pieces_holds_every_frame_at_its_time(in_pieces):
         assert seen[index] == (pytest.approx(time_s, abs=2e-3), pytest.approx(grey, abs=4))
 
 
+@pytest.mark.parametrize("in_pieces", ["libx264.mkv"], indirect=True)
 def test_what_is_made_of_footage_is_bounded(in_pieces, monkeypatch):
     running, _ = in_pieces
     monkeypatch.setattr("scene4d.app._pieces._MOST_BYTES", 1)
@@ -142,6 +144,7 @@ def test_what_is_made_of_footage_is_bounded(in_pieces, monkeypatch):
     assert not running.served._pieces._made
 
 
+@pytest.mark.parametrize("in_pieces", ["mpeg4.avi", "libx264.mkv"], indirect=True)
 def test_the_page_shows_pieces_where_it_is_looked(opened, in_pieces):
     page = opened.page
     page.goto(f"{in_pieces[0].url}/")
@@ -195,10 +198,25 @@ def test_what_is_asked_from_elsewhere_is_refused(reading):
         "/../../../etc/passwd",
         "/scene/cameras/gate.json",
         "/api/runs/0/rows/../../../etc/passwd",
+        "/api/runs/0/pieces/..%2f..%2f0",
+        "/api/runs/0/pieces/-1",
+        "/api/runs/0/calibration/../../zones.json",
+        "/standing.json",
     ],
 )
 def test_no_file_but_the_given_runs_is_served(reading, path):
     assert reading.ask("GET", path)[0] == 404
+
+
+def test_hostile_names_of_cameras_stay_inside_the_scene(tmp_path):
+    video = write_video(tmp_path / "x.mp4", seconds=1)
+    made = {"source": str(video), "annotations": "../../boxes.txt"}
+    folder = write_scene(tmp_path / "s", people(), camera="../../<b>", provenance=made)
+    served = Served([folder], None, None)
+    out = Path(served.to_calibrate(0, {})[0]["out"])
+    served.close()
+    assert out.parent == folder / "judged"
+    assert out.resolve().is_relative_to(folder.resolve())
 
 
 def test_zones_are_checked_and_kept(running, tmp_path):
