@@ -8,7 +8,7 @@ begin there at any time: their rate is learned from where and how often tracks o
 import numpy as np
 from jaxtyping import Float, Int
 
-from scene4d.alignment._sameness import TICK_S, Pairs, Passages, size_log_ratio
+from scene4d.alignment._sameness import TICK_S, Pairs, Passages, colour_log_ratio, size_log_ratio
 
 LONGEST_S = 120.0
 """Longest time out of sight. Chosen: farther away in time everybody could be anybody."""
@@ -50,7 +50,7 @@ def transits(
     there = -(q + log_det) / 2 - 2 * np.log(2 * np.pi)
     here = -_stationary(b, starts, b.kind[j]) / 2
     ratio = there - here + np.log(speed / _BAND_M) - arrival
-    ratio = ratio + size_log_ratio(a, b, i, j)
+    ratio = ratio + size_log_ratio(a, b, i, j) + colour_log_ratio(a, b, i, j)
     kept = (q < _FARTHEST) & (ratio > _LEAST)
     return Pairs(i[kept], j[kept], ratio[kept], (b.begin[j] - a.end[i])[kept])
 
