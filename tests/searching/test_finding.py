@@ -681,6 +681,7 @@ def test_nobody_is_searched_for_only_while_the_camera_was_watched(gate, tmp_path
     late = next(e.to_dict() for e in done.events if e.event.begin_s > 15)
     assert (late["roles"], late["begin_frame"], late["probability"]) == ({}, 200, None)
     assert "nobody" in done.to_pandas().columns
+    assert ">lane</text>" in done._repr_html_()
     evening = search(scene, f"{words} after 8:00:25", zones=places)
     assert [e.event.begin_s for e in evening.events] == [pytest.approx(25.0, abs=0.3)]
     both = search(scene, "a person walks or a vehicle stops", zones=places)

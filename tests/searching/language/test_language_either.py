@@ -110,5 +110,14 @@ def test_places_one_is_near_and_goes_between():
         {"zone": "entrance"},
         {"zone": "door"},
     )
+    soon = parsed("a car goes from zone entrance to zone door within 2 minutes").activity
+    assert soon.phases[1].gap_s == 120
+    for said in ("walks to the door", "approaches the door", "comes close to the door"):
+        assert parsed(f"a person {said}").predicates == [
+            "not near_zone(person, zone=door)", "near_zone(person, zone=door)",
+        ]  # fmt: skip
+    assert parsed("person more than 5 m away from the door").predicates == [
+        "not near_zone(person, zone=door, tau_m=5)"
+    ]
     with pytest.raises(InputError, match="draw a zone or line of that name"):
         parsed("somebody stands beside the door", zones=())

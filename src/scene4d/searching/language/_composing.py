@@ -194,7 +194,8 @@ def _read(clause: Clause, discourse: Discourse) -> Piece:
     else:
         assert isinstance(clause.core, Said)
         piece = state_of(clause, clause.core, discourse)
-    return piece if delay is None else replace(piece, delay=delay)
+    of_way = isinstance(clause.core, Said) and clause.core.entry.in_turn
+    return piece if delay is None or of_way else replace(piece, delay=delay)
 
 
 def _check_exactly(clause: Clause, discourse: Discourse) -> None:

@@ -7,7 +7,7 @@ from scene4d.searching.activities.definition import Phase, Term
 from scene4d.searching.language._discourse import NOBODY, Discourse, adjective_terms
 from scene4d.searching.language._lexicon import StateEntry
 from scene4d.searching.language._pieces import Piece, duration, state, throughout
-from scene4d.searching.language._sentences import Bound, Clause, Lasting, Noun, Said
+from scene4d.searching.language._sentences import Bound, Clause, Delay, Lasting, Noun, Said
 from scene4d.searching.predicates._registry import PREDICATES
 
 _DISTANCE = "tau_m"
@@ -376,6 +376,8 @@ def _in_turn(
         what = "of a way it is only said that it is gone, not how long, and not that it is not"
         raise discourse.refuse(clause.span, what)
     least, pause = discourse.assumed("change_min_s"), discourse.assumed("before_s")
+    told = [part.seconds for part in clause.modifiers if isinstance(part, Delay)]
+    pause = told[0] if told else pause
     others = tuple(term for term in terms if term not in core)
     phases = tuple(
         Phase(
@@ -387,7 +389,8 @@ def _in_turn(
         for number, term in enumerate(core)
     )
     said = discourse.said(clause.span)
-    discourse.note(f'"{said}" is taken as at most {pause:g} s from the one to the other')
+    if not told:
+        discourse.note(f'"{said}" is taken as at most {pause:g} s from the one to the other')
     return Piece(phases, True, "goes")
 
 

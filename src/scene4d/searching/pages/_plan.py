@@ -33,7 +33,7 @@ def role_colours(roles: Iterable[str]) -> dict[str, str]:
 
 
 def plan_svg(found: FoundEvent, places: Places) -> str | None:
-    """The plan; None where no role has a position.
+    """The plan; None where no role has a position, and nobody's zones are none.
 
     A role's path is a line in its colour, dotted before and after the event; dots count seconds
     since the event began, a square stands still. Others are grey, zones and lines dashed; a cross
@@ -45,9 +45,11 @@ def plan_svg(found: FoundEvent, places: Places) -> str | None:
     around = around.select(np.isfinite(around.xy_m).all(axis=1))
     during = _within(around, event.begin_s, event.end_s)
     playing = np.isin(around.track, list(event.roles.values()))
-    if not (during & playing).any():
+    zones = [] if event.roles else list(places.of(found.run.camera, "zone").values())
+    shown = np.vstack([around.xy_m[during & playing], *zones])
+    if not len(shown):
         return None
-    drawn = _Drawing(_area(around.xy_m[during & playing]))
+    drawn = _Drawing(_area(shown))
     for kind in ("zone", "line"):
         for name, points in places.of(found.run.camera, kind).items():
             drawn.place(name, np.vstack([points, points[:1]]) if kind == "zone" else points)
