@@ -17,8 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 EXTRAS = ("app", "geo", "mqtt", "pandas")
 """``fast`` and ``torch`` take gigabytes, and what they do is optional speed."""
 MODULES = """
-import importlib, pkgutil, warnings, scene4d
-warnings.simplefilter("error", DeprecationWarning)
+import importlib, pkgutil, scene4d
 for one in pkgutil.walk_packages(scene4d.__path__, "scene4d."):
     if not one.name.endswith("__main__"):
         importlib.import_module(one.name)
