@@ -41,7 +41,7 @@ def look(page: Page) -> None:
 
 def everything(page: Page) -> None:
     seek(page, SECONDS)
-    for key in "458":
+    for key in "45f":
         page.keyboard.press(key)
     page.locator("#tab-tracks").click()
 
