@@ -238,7 +238,7 @@ def test_the_cameras_of_a_site_share_a_plan_and_a_clock(opened, tmp_path):
     (xy,), _ = camera.locate([(640, 500)])
     lon, lat = GeoAnchor.at(52.4, 179.99995).to_lonlat(xy[None])[0]
     told = page.locator("#marks .earth").inner_text()
-    found = re.search(r"([-\d.]+)°( ± [\d.]+ m)?, ([-\d.]+)°", told)
+    found = re.search(r"Latitude ([-\d.]+)° ± ([\d.]+) m\nLongitude ([-\d.]+)° ±", told)
     pixel = 0.4 * 9e-6  # the click is a whole pixel of the screen
     assert float(found[1]) == pytest.approx(lat, abs=pixel)
     assert float(found[3]) == pytest.approx(lon, abs=2 * pixel)

@@ -13,6 +13,7 @@ import time
 from contextlib import suppress
 from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from itertools import groupby
 from pathlib import Path
 from typing import ClassVar
 
@@ -31,6 +32,7 @@ from scene4d.formats.cameras import read_camera
 from scene4d.perception.objects import ObjectDetector
 from scene4d.searching.kept import keep_search
 from scene4d.store.query import Scene
+from scene4d.store.status import Status
 from scene4d.tracking import TrackOptions, watch_several
 from scene4d.tracking.live import watch
 from scene4d.video.frames import Frame
@@ -311,7 +313,16 @@ def test_a_view_that_has_moved_is_calibrated_again_and_known_when_it_is_back(
     monkeypatch.setattr("scene4d.tracking._recalibrating.run_footage", solved)
     monkeypatch.setattr("scene4d.tracking._recalibrating.write", written)
     detector()
+    states, save = [], Status.save
+    monkeypatch.setattr(
+        Status, "save", lambda one, at: (states.append((one.camera, one.state)), save(one, at))
+    )
     run = scripted([0] * 10 + [24] * 60 + [0] * 40, recalibrate=True)
+    assert [one for one, _ in groupby(states)] == [
+        *(("y", state) for state in ("live", "moved", "calibrating", "refused", "ended")),
+        *(("y-2", state) for state in ("live", "moved", "calibrating", "ended")),
+        *(("y", state) for state in ("live", "ended")),
+    ]
     assert run.cameras == ["y", "y-2", "y"]
     assert "cannot be calibrated: too few people" in caplog.text
     scene = Scene.open(tmp_path / "scene")

@@ -129,7 +129,7 @@ function markRow(mark) {
 
 function earthRow({ text, copied }) {
   return element("div", { class: "row earth" },
-    element("span", { class: "figure small" }, element("span", { class: "soft" }, "Latitude, longitude "), text),
+    element("span", { class: "figure soft" }, ...text.map((line) => element("div", {}, line))),
     element("button", { class: "quiet", "aria-label": `Copy ${copied}`, onclick: () => copy(copied) }, "Copy"),
   );
 }

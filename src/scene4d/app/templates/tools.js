@@ -186,8 +186,11 @@ function onEarth(camera, point, clickPx) {
   if (!anchor || !point.xy) return null;
   const [lon, lat] = lonLat(anchor, point.xy);
   const sigma = placeSigma(camera, point, clickPx);
-  const spread = (k) => (sigma ? ` ± ${sigma[k].toFixed(1)} m` : "");
-  return { text: `${lat.toFixed(7)}°${spread(1)}, ${lon.toFixed(7)}°${spread(0)}`, copied: `${lat.toFixed(7)}, ${lon.toFixed(7)}` };
+  const spread = (k) => (sigma ? ` ± ${sigma[k].toFixed(sigma[k] < 1 ? 2 : 1)} m` : "");
+  return {
+    text: [`Latitude ${lat.toFixed(7)}°${spread(1)}`, `Longitude ${lon.toFixed(7)}°${spread(0)}`],
+    copied: `${lat.toFixed(7)}, ${lon.toFixed(7)}`,
+  };
 }
 
 export function marksInPicture(context, view, now) {
