@@ -7,10 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from finding_scenes import people
 from scene4d.app._contents import camera_of
 from scene4d.app._page import asset
+from scene4d.app._rows import rows_of
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
+from scene4d.core.colours import PALETTE
 from scene4d.core.placement import Placement
 from scene4d.formats.scenes._geo import GeoAnchor
 
@@ -82,6 +85,15 @@ def test_the_pages_error_of_a_length_is_that_of_the_covariance(in_browser):
         assert in_browser(said, calibration, [uv.tolist()]) == [pytest.approx(sigma, rel=1e-3)]
         checked += 1
     assert checked > 6
+
+
+def test_the_likeliest_colours_of_a_track_are_told_with_their_probability():
+    one = people()[0]
+    colours = np.zeros((len(one), 2 * len(PALETTE)), np.float32)
+    colours[:, PALETTE.index("dark blue")], colours[:, PALETTE.index("grey")] = 0.63, 0.37
+    (told,) = rows_of(replace(one, colours=colours))["tracks"]
+    assert told["colours"] == [["dark blue", pytest.approx(0.63)], None]
+    assert rows_of(one)["tracks"][0]["colours"] == []
 
 
 def test_two_streams_through_one_place_are_two_arrows(browser):

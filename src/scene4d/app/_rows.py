@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from scene4d.app._packing import flags, integers, milliseconds, packed
+from scene4d.core.colours import PALETTE
 from scene4d.core.tracks import Tracks
 
 _SIZES = ("length_m", "width_m", "height_m")
@@ -48,6 +49,17 @@ def _spread(kind: str, covariance: Float[np.ndarray, "n 2 2"]) -> dict[str, np.n
     return {f"{kind}_x": x, f"{kind}_y": y, f"{kind}_correlation": correlation}
 
 
+def _colours(of_track: np.ndarray) -> list[list[Any] | None]:
+    """The likeliest colour of the upper body (or a vehicle) and of the lower, with its probability;
+    None for a part of which nothing is known.
+    """
+    found: list[list[Any] | None] = []
+    for part in of_track.reshape(-1, len(PALETTE)):
+        best = int(np.argmax(part))
+        found.append([PALETTE[best], round(float(part[best]), 2)] if part[best] > 0 else None)
+    return found
+
+
 def _brief(tracks: Tracks, starts: Int[np.ndarray, "t"]) -> list[dict[str, Any]]:
     """Number, class and what is known of each track's size, as in its last row."""
     last = np.append(starts[1:], len(tracks)) - 1
@@ -63,6 +75,7 @@ def _brief(tracks: Tracks, starts: Int[np.ndarray, "t"]) -> list[dict[str, Any]]
                 for name, values in known.items()
                 if np.isfinite(values[number])
             },
+            "colours": _colours(tracks.colours[row]),
         }
         for number, row in enumerate(last.tolist())
     ]

@@ -67,7 +67,7 @@ class Colours:
             if told is not None:
                 common = CLOTHES if class_name[row] == "person" else VEHICLES
                 found[place] = _probability(told, common)
-        return found.reshape(len(number), -1)[rows_of]
+        return found.reshape(len(number), len(PARTS) * len(PALETTE))[rows_of]  # also of nobody
 
 
 def _probability(told: _Told, common: Float[np.ndarray, "k"]) -> Float[np.ndarray, "2 k"]:

@@ -63,7 +63,7 @@ export function passes(brief) {
   if (brief.fastest < filter.fastest || brief.path < filter.path) return false;
   if (brief.end - brief.begin < 1000 * filter.lasting) return false;
   if (filter.zone && !brief.wasIn(filter.zone)) return false;
-  return !filter.words || `${brief.class} ${brief.track}`.includes(filter.words.toLowerCase());
+  return !filter.words || `${brief.class} ${brief.track} ${brief.colours.flat().join(" ")}`.includes(filter.words.toLowerCase());
 }
 
 export function element(name, attributes = {}, ...children) {

@@ -11,6 +11,7 @@ const COLUMNS = [
   ["path", "Path, m", (one) => one.path.toFixed(1)],
   ["speed", "m/s", (one) => (Number.isFinite(one.speed) ? one.speed.toFixed(1) : "unknown")],
   ["size", "Size, m", (one) => sizeOf(one)],
+  ["colour", "Colour", (one) => one.colours.filter(Boolean).map(([name]) => name).join(", ")],
 ];
 let sorted = { by: "track", down: false };
 
@@ -60,6 +61,7 @@ function sortBy(key) {
 
 function order(one) {
   if (sorted.by === "lasting") return one.end - one.begin;
+  if (sorted.by === "colour") return one.colours.flat().join();
   if (sorted.by === "size") return (one.kind === "person" ? one.height_m : one.length_m) || 0;
   return one[sorted.by] || 0;
 }
@@ -67,7 +69,7 @@ function order(one) {
 function showTracks() {
   const now = run();
   if (!now) return;
-  const kept = now.rows.brief.filter(passes).sort((a, b) => (order(a) - order(b)) * (sorted.down ? -1 : 1));
+  const kept = now.rows.brief.filter(passes).sort((a, b) => (order(a) < order(b) ? -1 : Number(order(a) > order(b))) * (sorted.down ? -1 : 1));
   for (const head of document.querySelectorAll("#tracks-head th")) {
     head.setAttribute("aria-sort", head.dataset.key === sorted.by ? (sorted.down ? "descending" : "ascending") : "none");
   }
@@ -75,6 +77,7 @@ function showTracks() {
   const fewer = kept.length > MOST_ROWS ? `, the first ${MOST_ROWS} are shown` : "";
   const coming = !all && now.said.rows && world.data.api && !now.rows.count;
   $("tracks-count").textContent = coming ? `reading ${now.said.rows.toLocaleString("en")} rows` : `${kept.length} of ${all} track${all === 1 ? "" : "s"}${fewer}`;
+  $("tracks").classList.toggle("uncoloured", !now.rows.brief.some((one) => one.colours.some(Boolean)));
   $("tracks-body").replaceChildren(...kept.slice(0, MOST_ROWS).map(trackRow));
   markSelected();
 }

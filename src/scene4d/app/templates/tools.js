@@ -116,6 +116,10 @@ export function aboutTrack(one) {
   );
   if (Number.isFinite(brief.height_m)) list.append(row("Height", plusMinus(brief.height_m, brief.height_sigma_m)));
   if (Number.isFinite(brief.length_m)) list.append(row("Length", plusMinus(brief.length_m, brief.length_sigma_m)));
+  brief.colours.forEach((colour, part) => {
+    const what = brief.kind === "vehicle" ? "Colour" : ["Upper body", "Lower body"][part];
+    if (colour) list.append(row(what, `${colour[0]}, p ${colour[1].toFixed(2)}`));
+  });
   if (Number.isFinite(brief.existence_probability)) list.append(row("Is real", `p ${brief.existence_probability.toFixed(2)}`));
   list.append(row("Now", one.observed ? "seen" : "not seen, bridged"));
   return [element("strong", {}, `${brief.class} ${brief.track}`), list];
