@@ -95,10 +95,35 @@ def test_cameras_of_other_days_are_told_so(world, tmp_path):
     other = scene_of(tmp_path / "b", world.seen[1], start=NOON + timedelta(days=1))
     found = align([first, other], tmp_path / "site")
     assert not found
-    assert "2026-11-20 12:00" in found.reason and "2026-11-21" in found.reason
+    assert (
+        "no common moment" in found.reason
+        and "2026-11-20 12:00" in found.reason
+        and "2026-11-21" in found.reason
+    )
     assert Site.open(tmp_path / "site").cameras == ()
     with pytest.raises(InputError, match="no camera of the site has a place"):
         found.site.tracks()
+
+
+def test_halves_of_one_footage_have_no_common_moment(world, tmp_path):
+    """As are PETS S2L1's, cut in time: minutes apart, which a clock might be set wrong by."""
+    rows = world.seen[0].tracks
+    middle_s = float(np.mean(rows.time_s))
+    parts = [rows.select(rows.time_s < middle_s), rows.select(rows.time_s > middle_s + 10)]
+    scenes = [
+        scene_of(tmp_path / name, world.seen[0], tracks=part, start=NOON, camera=name)
+        for name, part in zip("ab", parts, strict=True)
+    ]
+    found = align(scenes, tmp_path / "site", pictures=False)
+    assert not found
+    assert "no common moment: by their clocks 1" in found.reason
+
+
+def test_a_pair_that_moved_is_warned_of(scenes, tmp_path, monkeypatch):
+    pair = replace(linked(6)[2], note="one of the cameras moved")
+    monkeypatch.setattr(aligning, "link", lambda *_: pair)
+    (said,) = align(scenes, tmp_path / "site", pictures=False).warnings
+    assert said == "cameras 'cam0' and 'cam1': one of the cameras moved"
 
 
 def test_a_camera_that_saw_nobody_is_undetermined(known, scenes, world, tmp_path):

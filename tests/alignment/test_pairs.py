@@ -1,5 +1,7 @@
 """Where a second camera lies to the first, from made sites with known truth; and refusals."""
 
+import re
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -86,6 +88,22 @@ def test_people_who_walk_one_way_leave_the_offset_open():
     found = link(*views(made_site(7, overlap=0.0)))
     assert not found
     assert "time offset" in found.reason
+
+
+def test_a_camera_that_was_turned_is_told_by_whom_the_other_still_sees_there():
+    site, seen, found = linked(4, minutes=4.0)
+    assert found and found.note is None
+    rows, turn = site.seen[1].tracks, np.array([[0.88, -0.48], [0.48, 0.88]])
+    late = (rows.time_s > np.mean(rows.time_s))[:, None]
+    turned = replace(
+        rows,
+        xy_m=np.where(late, rows.xy_m @ turn.T, rows.xy_m),
+        velocity_mps=np.where(late, rows.velocity_mps @ turn.T, rows.velocity_mps),
+    )
+    moved = link(seen[0], view_of("turned", turned, site.seen[1].calibration))
+    assert moved and "one of the cameras moved" in moved.note
+    when = float(re.search(r"(\d+) s of the first", moved.note)[1])
+    assert when == pytest.approx(np.mean(rows.time_s) + moved.factor.at[3], abs=20.0)
 
 
 def test_a_camera_without_tracks_is_named():

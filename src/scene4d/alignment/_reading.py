@@ -179,12 +179,21 @@ def apart(one: Watched, other: Watched, start_ns: int | None, most_s: float) -> 
     if spans[0] is None or spans[1] is None:
         nobody = one if spans[0] is None else other
         return f"nobody was tracked by camera {nobody.name!r}"
-    if not (one.start_known and other.start_known):
+    gap_s = gap_between_s(one, other, start_ns)
+    if gap_s is None or gap_s <= most_s:
         return None
-    gap_s = max(spans[0][0], spans[1][0]) - min(spans[0][1], spans[1][1])
-    if gap_s <= most_s:
+    times = f"camera {one.name!r} is of {_when(one)} and camera {other.name!r} of {_when(other)}"
+    return f"no common moment: {times}"
+
+
+def gap_between_s(one: Watched, other: Watched, start_ns: int | None) -> float | None:
+    """Seconds between the rows of two cameras, negative where they overlap; None where a clock is
+    not known or nobody was tracked.
+    """
+    spans = one.span_s(start_ns), other.span_s(start_ns)
+    if spans[0] is None or spans[1] is None or not (one.start_known and other.start_known):
         return None
-    return f"camera {one.name!r} is of {_when(one)} and camera {other.name!r} of {_when(other)}"
+    return max(spans[0][0], spans[1][0]) - min(spans[0][1], spans[1][1])
 
 
 def _when(one: Watched) -> str:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from scene4d.alignment._paths import STEP_S, Paths
 
@@ -185,6 +185,17 @@ class Meetings:
         missed = self._missed(alone_a, alone_b, at_b[alone_b], fit)
         named, numbers = np.unique(of, return_inverse=True)
         return Matching(total - missed, i[row], j[row], numbers, gain[named], missed)
+
+    def seen_by_both(
+        self, fit: Fit, matching: Matching
+    ) -> tuple[Int[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
+        """Rows of a, in order of time, that lie where b sees people too while both record, and
+        whether b saw this one.
+        """
+        *_, all_a, _ = self.at(round(fit.parameters[4] / STEP_S))
+        back = (self.a.paths.xy_m[all_a] - fit.parameters[:2]) @ np.linalg.inv(fit.linear).T
+        rows = all_a[self.b.density(back) > 0]
+        return rows, np.isin(rows, matching.row_a)
 
     def _one_to_one(
         self, i: np.ndarray, j: np.ndarray, pair: np.ndarray, gain: np.ndarray

@@ -16,7 +16,7 @@ from scene4d.alignment._options import AlignOptions
 from scene4d.alignment._pairs import Link, link
 from scene4d.alignment._paths import View, view_of
 from scene4d.alignment._pictures import site_pictures
-from scene4d.alignment._reading import Watched, apart, site_start_ns, watched
+from scene4d.alignment._reading import Watched, apart, gap_between_s, site_start_ns, watched
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
@@ -173,11 +173,20 @@ def _links(
             a, b = read[i], read[j]
             reason = apart(a.watched, b.watched, start_ns, options.max_offset_s)
             if reason is None and a.view is not None and b.view is not None:
-                found.append(link(a.view, b.view, (i, j), bounds))
+                found.append(_with_gap(link(a.view, b.view, (i, j), bounds), a, b, start_ns))
             else:
                 found.append(Link(i, j, reason=reason))
             step(1)
     return found
+
+
+def _with_gap(said: Link, a: _Read, b: _Read, start_ns: int | None) -> Link:
+    """With a word if two cameras that are not aligned never recorded at one time."""
+    gap_s = gap_between_s(a.watched, b.watched, start_ns)
+    if said or gap_s is None or gap_s <= 0:
+        return said
+    why = f"no common moment: by their clocks {gap_s:.0f} s lie between the two, and {said.reason}"
+    return replace(said, reason=why)
 
 
 def _solved(read: Sequence[_Read], links: Sequence[Link]) -> Solution | None:
@@ -253,6 +262,10 @@ def _about(read: Sequence[_Read], solution: Solution | None) -> list[str]:
     for one, reason in solution.rejected:
         a, b = there[one.a].watched.name, there[one.b].watched.name
         said.append(f"cameras {a!r} and {b!r}: left out, {reason}")
+    for one in solution.used:
+        if one.note is not None:
+            a, b = there[one.a].watched.name, there[one.b].watched.name
+            said.append(f"cameras {a!r} and {b!r}: {one.note}")
     for camera, placement in zip(there, solution.placements, strict=True):
         assert camera.view is not None
         drift, span_s = placement.drift, float(np.ptp(camera.view.time_s))
