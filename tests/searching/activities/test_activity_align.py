@@ -130,7 +130,7 @@ def test_durations_gaps_and_order_are_kept_and_events_do_not_overlap(cast):
 
 
 @given(st.integers(0, 10_000))
-@settings(deadline=None, max_examples=10)
+@settings(deadline=None, max_examples=40)
 def test_many_casts_at_once_are_as_each_alone(seed):
     rng = np.random.default_rng(seed)
     spans = [Span(2, 5, 0), Span(1, None, 2)]

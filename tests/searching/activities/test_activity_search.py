@@ -657,7 +657,7 @@ def test_too_many_casts_are_refused_before_they_are_made(monkeypatch):
 
 
 @given(st.integers(0, 10_000), st.sampled_from([1, 2]), st.booleans())
-@settings(deadline=None, max_examples=40)
+@settings(deadline=None, max_examples=20)
 def test_no_event_is_lost_to_pruning(seed, people, bound):
     """A threshold keeps what a lower one finds at or above it, also just at it: a phase of one
     moment is as probable as its best, so that the score is the bound by which casts are dropped.

@@ -89,7 +89,7 @@ def one_by_one(stage, when: When, tau_m: float, sigma_m: float) -> np.ndarray:
     return found
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(whens(), st.integers(0, 10_000), st.sampled_from([3, 60]))
 def test_of_all_spots_that_fit_the_nearest_counts(when, seed, spots):
     rng = np.random.default_rng(seed)

@@ -53,7 +53,9 @@ def _matched(pieces: Sequence[str], words: Sequence[str], lexicon: Lexicon) -> i
         word = words[at] if at < len(words) else ""
         if piece == "{a}":
             at += word in _ARTICLES
-        elif piece == "NUMBER" and (word.isdigit() or word in _numbers(lexicon)):
+        elif (piece == "NUMBER" and (word.isdigit() or word in _numbers(lexicon))) or (
+            piece == "{thing}" and _is_one_of(word, lexicon.things["object"])
+        ):
             at += 1
         elif piece[0] == "=":
             if word != piece[1:]:
