@@ -257,17 +257,23 @@ def footage(place: Path, seconds: int) -> tuple[Path, Path]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--only", default="", help="one of the parts, as kill_track")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     rng = random.Random(given.seed)
-    with tempfile.TemporaryDirectory(prefix="scene4d-faults-") as name:
-        here = Path(name)
-        spoil_pieces(here, rng)
-        fill_disk(here)
-        kill_align(here, given.kills, rng)
-        kill_track(here, given.kills, rng)
-        kill_watch(here, given.kills, rng)
-        jump_clock(here)
+    kills = given.kills
+    parts = {
+        "spoil_pieces": lambda here: spoil_pieces(here, rng),
+        "fill_disk": fill_disk,
+        "kill_align": lambda here: kill_align(here, kills, rng),
+        "kill_track": lambda here: kill_track(here, kills, rng),
+        "kill_watch": lambda here: kill_watch(here, kills, rng),
+        "jump_clock": jump_clock,
+    }
+    for part, work in parts.items():
+        if part.startswith(given.only):
+            with tempfile.TemporaryDirectory(prefix="scene4d-faults-") as name:
+                work(Path(name))
 
 
 if __name__ == "__main__":

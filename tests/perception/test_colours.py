@@ -144,3 +144,8 @@ def test_many_looks_are_not_much_surer_than_two():
     assert common[0] == pytest.approx(CLOTHES[members("red")].sum())
     told.forget(1e3)
     assert (told.of(np.zeros(1, int), np.array(["person"])) == 0).all()
+
+
+def test_nobody_has_no_colours():
+    """As in the first second of a stream."""
+    assert Colours().of(np.zeros(0, int), np.zeros(0, str)).shape[0] == 0
