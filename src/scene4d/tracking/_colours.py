@@ -1,7 +1,7 @@
 """Colours of tracked objects, look by look.
 
 Logarithms of likelihoods are added up. Looks err alike (one light, one shade, one camera, one place
-on the body), so all looks at a track together count as two at most.
+on the body), so all looks at a track together count as one and a quarter at most.
 """
 
 from dataclasses import dataclass, field
@@ -12,8 +12,8 @@ from jaxtyping import Float, Int
 from scene4d.core.colours import CLOTHES, PALETTE, PARTS, VEHICLES, log_likelihood
 from scene4d.core.people import Detections
 
-_ALIKE = 0.5
-"""Correlation of the errors of two looks at one track."""
+_ALIKE = 0.8
+"""Correlation of the errors of two looks at one track: what a camera adds to all it shows."""
 _STEP_S = 1.0
 """Looks within a stride are one. Chosen by hand, as for sizes."""
 _FEWEST = 1.0
