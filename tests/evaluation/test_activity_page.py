@@ -93,8 +93,9 @@ def test_the_table_of_probabilities(evaluation):
     assert trust.events == len(shown)
     assert trust.stated == pytest.approx(np.mean(0.1 + 0.4 * shown))
     texts = [cell.text for cell in sheet.lines[0].cells]
-    assert texts == [f"{v:.2f}" for v in (trust.stated, trust.right, trust.expected_error)]
-    assert [cell.text for cell in sheet.lines[2].cells] == ["–"] * 3  # stops are not calibrated
+    columns = (trust.stated, trust.right, trust.expected_error, trust.chance_error)
+    assert texts == [f"{v:.2f}" for v in columns]
+    assert [cell.text for cell in sheet.lines[2].cells] == ["–"] * 4  # stops are not calibrated
 
 
 def test_the_mean_leaves_out_what_a_method_cannot_look_for(evaluation):

@@ -9,7 +9,12 @@ from sklearn import metrics
 from sklearn.calibration import calibration_curve
 
 from scene4d.core.errors import InputError
-from scene4d.evaluation.measures._probability import brier_score, reliability, roc_curve
+from scene4d.evaluation.measures._probability import (
+    brier_score,
+    chance_error,
+    reliability,
+    roc_curve,
+)
 
 SEED = st.integers(0, 2**32 - 1)
 
@@ -203,3 +208,15 @@ def test_nothing_is_refused(measure):
 def test_no_bins_are_refused(bins):
     with pytest.raises(InputError, match=f"at least one bin is needed, found {bins}"):
         reliability(np.array([0.1, 0.9]), BOTH, bins)
+
+
+@pytest.mark.parametrize(("events", "low", "high"), [(100, 0.05, 0.2), (10_000, 0.005, 0.02)])
+def test_true_probabilities_err_by_chance_the_less_the_more_there_are(events, low, high):
+    rng = np.random.default_rng(1)
+    stated = rng.random(events)
+    limit = chance_error(stated)
+    assert low < limit < high
+    errors = [reliability(stated, rng.random(events) < stated).expected_error for _ in range(60)]
+    assert 0.85 < np.mean(np.array(errors) < limit) <= 1
+    wrong = reliability(stated, rng.random(events) < stated**3).expected_error
+    assert wrong > limit

@@ -96,8 +96,8 @@ def test_json_has_the_promised_keys_and_only_these(gate):
     assert (one["run"], one["clip"]) == ("morning", "morning")
     (known,) = {e.event.calibration for e in search(gate, ENTERS).events}
     assert one["probability"] == pytest.approx(float(known.at(np.array(one["score"]))))
-    assert one["notes"] == [known.note]
-    assert "annotated tracks" in known.note
+    assert one["notes"] == [known.note(annotated=False)]
+    assert "detector" in one["notes"][0] and "detector" not in known.note(annotated=True)
     json.dumps(done, allow_nan=False)
 
 

@@ -137,7 +137,8 @@ def _show_activities(found: ActivityEvaluation, out: Path | None) -> None:
         ours, trust = outcomes[0], outcomes[0].trust
         cells += [_precision(ours.missed_at(rate)) for rate in FALSE_PER_MINUTE]
         cells.append(_precision(ours.precision_by("IoU 0.5")))
-        cells.append(_precision(None if trust is None else trust.expected_error))
+        errors = (trust.expected_error, trust.chance_error) if trust is not None else (None,)
+        cells.append(" / ".join(map(_precision, errors)))
         table.add_row(activity, str(found.labels[activity]), *cells)
     means = [found.mean_average_precision(method.name) for method in found.methods]
     table.add_row("mean", "", *map(_precision, means), *[""] * len(more), style="bold")
@@ -146,7 +147,8 @@ def _show_activities(found: ActivityEvaluation, out: Path | None) -> None:
             f"{found.name}: {found.clips} clips, {found.minutes:g} minutes, cameras "
             f"{' and '.join(found.reported)}; constants chosen on {' and '.join(found.tuned)}. "
             "AP: average precision. @r: share missed at r false alarms per minute. IoU 0.5: AP "
-            "where half of the time must be common. Error of P: of the stated probabilities."
+            "where half of the time must be common. Error of P: of the stated probabilities, and "
+            "what true ones would stay below in 95 % of cases."
         )
         console.print()
         console.print(table)

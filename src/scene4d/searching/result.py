@@ -72,7 +72,9 @@ class FoundEvent:
     def about_probability(self) -> str:
         """What its probability is of, or why there is none."""
         known = self.event.calibration
-        return _NOT_CALIBRATED if known is None else known.note
+        if known is None:
+            return _NOT_CALIBRATED
+        return known.note(annotated="annotations" in self.run.provenance)
 
     @property
     def about_spots(self) -> list[str]:

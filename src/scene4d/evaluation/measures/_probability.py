@@ -91,6 +91,22 @@ def reliability(
     return Reliability(stated, observed, count[held])
 
 
+def chance_error(
+    probability: Float[np.ndarray, "n"], *, share: float = 0.95, draws: int = 400
+) -> float:
+    """The expected calibration error that true probabilities stay below in a ``share`` of cases:
+    with so few outcomes chance alone sets the bins apart. By drawn outcomes, the same each time.
+
+    Raises as :func:`reliability`.
+    """
+    rng = np.random.default_rng(0)
+    errors = [
+        reliability(probability, rng.random(len(probability)) < probability).expected_error
+        for _ in range(draws)
+    ]
+    return float(np.quantile(errors, share))
+
+
 def _check(score: np.ndarray, positive: np.ndarray) -> None:
     if len(score) == 0 or len(score) != len(positive):
         raise InputError(f"{len(score)} scores for {len(positive)} outcomes; one each is needed")

@@ -95,15 +95,16 @@ def _trust(evaluation: ActivityEvaluation) -> Sheet:
 
         return value
 
-    names = ("stated", "right", "expected_error")
+    names = ("stated", "right", "expected_error", "chance_error")
     caption = (
         f"Events with a score of {MIN_SCORE:g} or more, which a search shows by default: mean of "
         "the stated probability, share that was right, and expected calibration error (the mean "
-        "distance of the two in ten bins). Probabilities were fitted on cameras "
+        "distance of the two in ten bins); true probabilities would stay below the last one in "
+        "95 % of cases, since events are few. Probabilities were fitted on cameras "
         f"{' and '.join(evaluation.tuned)}. A dash: too few labels there, or "
         "scores that say no more than the share of right events."
     )
-    groups = (("probability", ("stated", "right", "error")),)
+    groups = (("probability", ("stated", "right", "error", "by chance")),)
     return _sheet(
         evaluation, "Are the probabilities true", caption, groups, [column(name) for name in names]
     )

@@ -19,7 +19,7 @@ from scene4d.evaluation.measures._events import (
     precision_interval,
     ranked_clips,
 )
-from scene4d.evaluation.measures._probability import reliability
+from scene4d.evaluation.measures._probability import chance_error, reliability
 from scene4d.evaluation.trials._ways import (
     METHODS,
     OURS,
@@ -41,13 +41,15 @@ FALSE_PER_MINUTE = (0.15, 0.02)
 @dataclass(frozen=True, eq=False)
 class Trust:
     """How the probabilities of the events that a search shows by default came true: events, the
-    share of right ones, the mean of what was stated, and the expected calibration error.
+    share of right ones, the mean of what was stated, the expected calibration error, and the one
+    that true probabilities would stay below in 95 % of cases.
     """
 
     events: int
     right: float
     stated: float
     expected_error: float
+    chance_error: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +103,8 @@ class ActivityOutcome:
             return None
         stated = self.calibration.at(self.ranked.score[shown])
         error = reliability(stated, right).expected_error
-        return Trust(len(right), float(right.mean()), float(stated.mean()), error)
+        chance = chance_error(stated)
+        return Trust(len(right), float(right.mean()), float(stated.mean()), error, chance)
 
     def to_dict(self) -> dict[str, Any]:
         """One cell of ``evaluation.json``."""

@@ -50,14 +50,20 @@ class ScoreCalibration:
         at = slice(max(int(reached[0]) - 1, 0), int(reached[0]) + 1)
         return float(np.interp(probability, self.probability[at], self.score[at]))
 
-    @property
-    def note(self) -> str:
-        """What the probability is of, and how good."""
-        return (
+    def note(self, *, annotated: bool) -> str:
+        """What the probability is of, and how good, for tracks that are ``annotated`` as those
+        that it was counted on, or a detector's.
+        """
+        there = (
             f"probability: the share of right events at this score on annotated tracks, those of "
             f"MEVA's {' and '.join(self.cameras)} ({self.labels} labels; off by "
-            f"{self.expected_error:.2f} on a camera left out); of a detector's tracks fewer events "
-            "are right"
+            f"{self.expected_error:.2f} on a camera left out)"
+        )
+        if annotated:
+            return there
+        return (
+            f"{there}; these are a detector's tracks, for which nothing is calibrated: of their "
+            "events fewer are right"
         )
 
 
