@@ -12,7 +12,8 @@ import scene4d
 from alignment.stored_worlds import scene_of
 from alignment.test_pairs import linked
 from alignment.worlds import made_site
-from scene4d.alignment import AlignOptions, align, aligning
+from scene4d.alignment import AlignOptions, _reading, align, aligning
+from scene4d.alignment._reading import watched
 from scene4d.core.errors import InputError
 from scene4d.store.site import Site
 
@@ -187,6 +188,16 @@ def test_runs_are_taken_or_left_with_a_word(known, world, tmp_path):
     assert "'again' left out: it is of the same time as 'run'" in text
     assert "'whenever' left out: when it began is not known" in text
     assert found.site.placed("cam0").runs == ("run",)
+
+
+def test_a_long_run_is_read_in_pieces_as_it_is_at_once(scenes, monkeypatch):
+    camera = watched(scenes)[0][0]
+    once = camera.tracks(None)
+    monkeypatch.setattr(_reading, "_PIECE_S", 7.0)
+    pieces = camera.tracks(None)
+    for name in ("track", "time_s", "xy_m", "covariance_m2"):
+        np.testing.assert_array_equal(getattr(pieces, name), getattr(once, name))
+    assert (np.diff(once.track) >= 0).all() and len(once) > 1000
 
 
 def test_cameras_of_one_name_are_told_apart_by_their_scenes(known, world, tmp_path):

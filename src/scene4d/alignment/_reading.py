@@ -1,6 +1,6 @@
 """The cameras of several scenes as alignment takes them: which runs, on which clock."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -16,6 +16,8 @@ from scene4d.store.site import clock_s
 
 _ROW_S = 0.2
 """Rows closer to each other than this are left out: people do little in less."""
+_PIECE_S = 1800.0
+"""So much of a run is read at a time, before rows are left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,17 +56,17 @@ class Watched:
         return Calibration.load(self.file)
 
     def tracks(self, start_ns: int | None) -> Tracks | None:
-        """Its rows on its clock, at most every :data:`_ROW_S`, without keypoints; None if nobody
-        was tracked.
+        """Its rows on its clock, ordered by (track, time), at most every :data:`_ROW_S`, without
+        keypoints; None if nobody was tracked.
         """
         if not self.rows:
             return None
         scene, parts = Scene.open(self.folder), []
         for run in self.runs:
-            if run.rows:
-                found = _thinned(scene.only(run.run).tracks(keypoints=False))
-                parts.append(replace(found, time_s=found.time_s + clock_s(run, start_ns)))
-        return Tracks.concatenate(parts)
+            shift_s, pieces = clock_s(run, start_ns), _pieces(scene.only(run.run), run)
+            parts += [replace(found, time_s=found.time_s + shift_s) for found in pieces]
+        tracks = Tracks.concatenate(parts)
+        return tracks.select(np.lexsort((tracks.time_s, tracks.track)))
 
 
 def watched(scenes: Iterable[str | Path]) -> tuple[list[Watched], list[str]]:
@@ -161,6 +163,19 @@ def _named(found: list[Watched]) -> list[Watched]:
                 "with another camera name"
             )
     return [replace(one, name=name) for one, name in zip(found, called, strict=True)]
+
+
+def _pieces(scene: Scene, run: Run) -> Iterator[Tracks]:
+    """The thinned rows of a run, read piece by piece; a scene of that run alone."""
+    if run.span_s is None:
+        return
+    begin_s, last_s = run.span_s
+    while begin_s <= last_s:
+        end_s = begin_s + _PIECE_S
+        found = scene.tracks(keypoints=False, begin=begin_s, end=end_s)
+        if len(found):
+            yield _thinned(found)
+        begin_s = end_s
 
 
 def _thinned(tracks: Tracks) -> Tracks:
