@@ -144,7 +144,7 @@ def test_clocks_that_drift_apart_are_named_and_put_right(tmp_path):
     found = align([scene_of(tmp_path / s.name, s) for s in world.seen], tmp_path / "site",
                   pictures=False)  # fmt: skip
     (said,) = found.warnings
-    assert "'cam1': its clock is slow by" in said and "s an hour" in said
+    assert "'cam1': its clock is fast by" in said and "s an hour" in said
     site = Site.open(tmp_path / "site")
     drift = site.placements["cam1"].drift
     assert abs(drift.rate - rate) < 3.5 * drift.sigma and drift.sigma < abs(rate) / 4

@@ -270,9 +270,11 @@ def _about(read: Sequence[_Read], solution: Solution | None) -> list[str]:
         assert camera.view is not None
         drift, span_s = placement.drift, float(np.ptp(camera.view.time_s))
         if drift is not None and abs(drift.rate) * span_s > _DRIFT_TOLD_S:
+            way = "slow" if drift.rate > 0 else "fast"
             said.append(
-                f"camera {camera.watched.name!r}: its clock is slow by {drift.rate * 3600:+.2f} ± "
-                f"{drift.sigma * 3600:.2f} s an hour against the site's, which is taken off"
+                f"camera {camera.watched.name!r}: its clock is {way} "
+                f"by {abs(drift.rate) * 3600:.2f} ± {drift.sigma * 3600:.2f} s an hour against the "
+                "site's, which is taken off"
             )
     return said
 
