@@ -138,7 +138,11 @@ def kill_watch(place: Path, kills: int, rng: random.Random) -> None:
             "person disappears",
         ]
         process = started(words)
-        time.sleep(rng.uniform(2.0, 9.0))
+        before, until_s = count_runs(scene), time.monotonic() + 60
+        if rng.random() < 0.7:  # after its first second was published; else before, or about then
+            while count_runs(scene) == before and time.monotonic() < until_s:
+                time.sleep(0.05)
+        time.sleep(rng.uniform(0.0, 5.0))
         process.kill()
         process.communicate()
         now = readable(scene)
@@ -149,6 +153,10 @@ def kill_watch(place: Path, kills: int, rng: random.Random) -> None:
                 json.loads(line)
     check(rows > 0, "watch: nothing was published")
     print(f"watch: {kills} kills, {rows} rows stay")
+
+
+def count_runs(scene: Path) -> int:
+    return len(list((scene / "runs").glob("*.json")))
 
 
 def kill_align(place: Path, kills: int, rng: random.Random) -> None:

@@ -68,15 +68,8 @@ def newest(address: str, span_s: float = 10.0) -> str:
 
 def soak(scene: Path, watching: subprocess.Popen, seconds: float) -> list[dict[str, float]]:
     """What was measured, in steps; ``serve`` begins when there is something to serve."""
-    until_s = time.monotonic() + 120
-    while not list((scene / "runs").glob("*.json")):
-        if watching.poll() is not None or time.monotonic() > until_s:
-            raise SystemExit(f"soak: nothing was published: {watching.stderr.read()}")
-        time.sleep(1)
-    serving = program("serve", scene, "--port", 0)
+    serving, address = served(scene, watching)
     try:
-        said = serving.stderr.readline()
-        address = said.partition("at ")[2].split()[0]
         measured, searched_s = [], -SEARCH_S
         begun_s = time.monotonic()
         while (now_s := time.monotonic() - begun_s) < seconds and watching.poll() is None:
@@ -93,6 +86,20 @@ def soak(scene: Path, watching: subprocess.Popen, seconds: float) -> list[dict[s
     finally:
         serving.send_signal(signal.SIGTERM)
         serving.communicate(timeout=60)
+
+
+def served(scene: Path, watching: subprocess.Popen) -> tuple[subprocess.Popen, str]:
+    """A server and its address, once somebody was seen: an empty scene is refused."""
+    until_s, said = time.monotonic() + 180, ""
+    while watching.poll() is None and time.monotonic() < until_s:
+        serving = program("serve", scene, "--port", 0)
+        said = serving.stderr.readline()
+        if "serving at " in said:
+            return serving, said.partition("at ")[2].split()[0]
+        serving.communicate(timeout=60)
+        time.sleep(1)
+    watching.kill()
+    raise SystemExit(f"soak: nothing to serve: {said}{watching.stderr.read()}")
 
 
 def thirds(measured: list[dict[str, float]]) -> dict[str, list[float]]:
