@@ -22,6 +22,7 @@ def walk(times: np.ndarray, track: np.ndarray) -> Tracks:
         "frame": np.rint(times * 10).astype(int),
         "xy_m": np.column_stack([times, 2 * times]),
         "box_xyxy": np.zeros((n, 4)),
+        "colours": np.zeros((n, 0)),
         "keypoint_uv": np.zeros((n, 0, 2)),
         "keypoint_score": np.zeros((n, 0)),
         "observed": np.ones(n, bool),
