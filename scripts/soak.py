@@ -94,12 +94,26 @@ def served(scene: Path, watching: subprocess.Popen) -> tuple[subprocess.Popen, s
     while watching.poll() is None and time.monotonic() < until_s:
         serving = program("serve", scene, "--port", 0)
         said = serving.stderr.readline()
-        if "serving at " in said:
-            return serving, said.partition("at ")[2].split()[0]
+        address = said.partition("serving at ")[2].partition(" ")[0]
+        if address and answers(address):
+            return serving, address
+        serving.kill()
         serving.communicate(timeout=60)
         time.sleep(1)
     watching.kill()
     raise SystemExit(f"soak: nothing to serve: {said}{watching.stderr.read()}")
+
+
+def answers(address: str) -> bool:
+    """Within half a minute: the address is told just before it is listened to."""
+    for _ in range(60):
+        try:
+            answered_s(f"{address}api/scene")
+        except OSError:
+            time.sleep(0.5)
+        else:
+            return True
+    return False
 
 
 def thirds(measured: list[dict[str, float]]) -> dict[str, list[float]]:
