@@ -82,7 +82,7 @@ def drawn(fig: Figure, handles: Sequence[Any], middle_in: float) -> Drawn:
 
 
 def _coded(pixels: np.ndarray) -> bytes:
-    return bytes(cv2.imencode(".png", pixels)[1].tobytes())
+    return bytes(cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_COMPRESSION, 3])[1].tobytes())
 
 
 _MARKERS = {

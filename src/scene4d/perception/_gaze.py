@@ -117,7 +117,7 @@ class Gaze:
         touched = scene.share(moved, self._all.xyxy) >= _TOUCHED
         shift, held = np.zeros((len(touched), 2)), ~touched
         shift[touched], held[touched] = scene.motion.within(self._all.xyxy[touched])
-        self._all = replace(self._all, xyxy=self._all.xyxy + np.tile(shift, 2), shift_px=shift)
+        self._all = replace(self._all, xyxy=self._all.xyxy + np.tile(shift, 2))
         self.known, rows = self._all.once()
         self._held = held[rows]
         late = scene.time_s - self.known.looked_s >= MOVED_S - EARLY_S
@@ -197,13 +197,13 @@ class Gaze:
         return Boxes(np.asarray(found.xyxy, float), np.asarray(score, float), label)
 
     def _new(self, found: Boxes, origin: np.ndarray) -> Known:
-        """What was found now; known things keep their numbers and their motion, and the box of one
+        """What was found now; known things keep their numbers, and the box of one
         that is not rigid is the mean of where it was followed to and of where it is seen.
         """
         n = len(found.label)
-        number, shift = np.array([next(self._count) for _ in range(n)], np.int64), np.zeros((n, 2))
+        number = np.array([next(self._count) for _ in range(n)], np.int64)
         rows, at = self.known.same(found.xyxy, found.label)
-        number[at], shift[at] = self.known.number[rows], self.known.shift_px[rows]
+        number[at] = self.known.number[rows]
         box, held = found.xyxy.copy(), self._held[rows] & (not self._rigid)
         expected = self.known.xyxy[rows[held]]
         box[at[held]] += _TRUST * (expected - box[at[held]])
@@ -211,7 +211,7 @@ class Gaze:
         if n and len(self.known):
             sure = sv.box_iou_batch(found.xyxy, self.known.xyxy).max(axis=1) >= _STAYS_IOU
         looked = np.full(n, self._now_s)
-        return Known(box, found.score, found.label, origin, looked, box, number, shift, sure)
+        return Known(box, found.score, found.label, origin, looked, box, number, sure)
 
     def _look_closer(
         self, scene: Scene, due: np.ndarray, new: np.ndarray, shows: np.ndarray, others: np.ndarray

@@ -20,8 +20,7 @@ TWICE_IOU = 0.5
 class Known(Columns):
     """Things (n,) where they are now: ``origin`` is the region that shows them, ``looked_s`` when
     they were last looked at and ``seen_xyxy`` where, ``number`` says which is which from frame to
-    frame, and ``shift_px`` is the motion since the last frame. ``sure``
-    is what several looks have shown.
+    frame, and ``sure`` is what several looks have shown.
     """
 
     xyxy: Float[np.ndarray, "n 4"]
@@ -31,14 +30,13 @@ class Known(Columns):
     looked_s: Float[np.ndarray, "n"]
     seen_xyxy: Float[np.ndarray, "n 4"]
     number: Int[np.ndarray, "n"]
-    shift_px: Float[np.ndarray, "n 2"]
     sure: Bool[np.ndarray, "n"]
 
     @classmethod
     def nothing(cls) -> "Known":
         """No thing."""
         none, box = np.empty(0, np.int64), np.empty((0, 4))
-        return cls(box, np.empty(0), none, none, np.empty(0), box, none, box[:, :2], none > 0)
+        return cls(box, np.empty(0), none, none, np.empty(0), box, none, none > 0)
 
     @property
     def travelled(self) -> Float[np.ndarray, "n"]:
@@ -79,7 +77,7 @@ class Known(Columns):
         return rows, boxes
 
     def detections(self, class_names: tuple[str, ...]) -> sv.Detections:
-        """As detectors give them, with what keypoints need to move along."""
+        """As detectors give them, with what tells when keypoints are due."""
         return sv.Detections(
             xyxy=self.xyxy,
             confidence=self.score,
@@ -88,6 +86,5 @@ class Known(Columns):
                 "class_name": np.array(class_names)[self.label],
                 "number": self.number,
                 "looked_s": self.looked_s,
-                "shift_px": self.shift_px,
             },
         )

@@ -104,7 +104,7 @@ def watch_settings(footage: Source, job: Job) -> dict[str, Any]:
         "image_size": list(footage.image_size),
         "rate_hz": options.rate_hz,
         "detector": _identity(options.detector),
-        "looks_at": "what changed; what moves is followed; who crosses is looked at",
+        "looks_at": "what changed; what moves is followed, keypoints with its box; who crosses",
         "colours": "of upper and lower bodies and of vehicles",
         "chunk_s": _CHUNK_S,
         "camera": hashlib.sha256(described).hexdigest()[:12],
