@@ -9,7 +9,8 @@
 
 PYTHON ?= python3
 VENV := .venv
-JOBS := 2
+# One more than the cores of CI: some tests wait for servers, streams and the browser.
+JOBS := 3
 
 BIN := $(VENV)/bin
 PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)

@@ -4,8 +4,9 @@
 
 DIR of --footage holds the clips of benchmarks/colours_by_eye.csv (by default
 $SCENE4D_DATA/footage or ../shared/data/footage). What the "first" group showed was known when the
-constants were last changed; the one that is "held out" was named and read after that. --sheets
-writes pictures of tracks without any answer, for naming more of them.
+constants were chosen; the one that is "held out" was named and read after that, and has served for
+one choice since (docs/colours.md). --sheets writes pictures of tracks without any answer, for
+naming more of them.
 """
 
 import argparse

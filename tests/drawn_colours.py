@@ -100,7 +100,7 @@ def _box(rng: np.random.Generator, k: int) -> np.ndarray:
 def _draw_person(linear, box, above, below, rng) -> np.ndarray:
     (x1, y1, x2, _), height = box, box[3] - box[1]
     x, wide = (x1 + x2) / 2, x2 - x1
-    shade = np.exp(rng.normal(np.log(0.5), 0.4))  # upright, in sun or shade
+    shade = np.exp(rng.normal(0, 0.4))  # in sun or shade
     skin = np.array([0.15, 0.22, 0.38]) * rng.uniform(0.3, 1.3)
     y = y1 + height * np.array([0.0, 0.17, 0.52, 0.75, 1.0])
     for top, bottom, half, value in (
@@ -120,7 +120,7 @@ def _draw_person(linear, box, above, below, rng) -> np.ndarray:
 
 def _draw_car(linear, box, paint, rng) -> None:
     x1, y1, x2, y2 = box.round().astype(int)
-    shade = np.exp(rng.normal(np.log(0.5), 0.4))
+    shade = np.exp(rng.normal(0, 0.4))
     linear[y1:y2, x1:x2] = 0.03
     middle = (y1 + 2 * y2) // 3
     linear[(y1 + y2) // 2 - 4 : middle + 8, x1:x2] = paint * shade

@@ -95,6 +95,10 @@ def imported_modules(tree: ast.Module) -> set[str]:
     return modules
 
 
+NOT_INSTALLED = {"rerun": "rerun-sdk"}
+"""Packages of extras that are too large for the tests, where the names differ."""
+
+
 @cache
 def distributions_by_package() -> dict[str, list[str]]:
     return dict(metadata.packages_distributions())
@@ -102,7 +106,8 @@ def distributions_by_package() -> dict[str, list[str]]:
 
 def owners(module: str) -> set[str]:
     """The distributions that bring `module`; of a shared name space, only those with its part."""
-    names = set(distributions_by_package().get(module.partition(".")[0], [module]))
+    top = module.partition(".")[0]
+    names = set(distributions_by_package().get(top, [NOT_INSTALLED.get(top, top)]))
     if len(names) > 1:
         part = module.replace(".", "/") + "/"
         names = {n for n in names if any(str(f).startswith(part) for f in metadata.files(n))}

@@ -7,6 +7,7 @@ import shlex
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import finding_scenes as scenes
@@ -209,12 +210,17 @@ def test_what_the_page_on_searching_says_is_understood_is_what_is_printed(run, g
 def test_what_the_page_on_words_says_is_understood_is_what_is_printed(run, tmp_path):
     evening = datetime(2026, 11, 20, 21, 30, tzinfo=UTC)
     everybody = [*scenes.people(), scenes.parked()]
-    scene = scenes.write_scene(tmp_path / "scene", everybody, start=evening)
+    watched_s = tuple(np.arange(0, scenes.SECONDS, 0.5).tolist())
+    scene = scenes.write_scene(tmp_path / "scene", everybody, start=evening, watched_s=watched_s)
+    zones = tmp_path / "zones.json"
+    zones.write_text(json.dumps({"zones": {"car park": [[-3, 7], [3, 7], [3, 10], [-3, 10]]}}))
     pages = re.findall(r"```\n(Understood .*?)```", LANGUAGE.read_text(), re.DOTALL)
-    for shown, found in zip(pages, ("1 event in 1 clip", "none scores 0.05 or more"), strict=True):
+    none = "none scores 0.05 or more"
+    for shown, found in zip(pages, ("1 event in 1 clip", none, none), strict=True):
         asked = shown.splitlines()[0].removeprefix("Understood").strip()
-        result = run("search", scene, asked)
-        assert result.stdout.startswith(shown)
+        given = ("--zones", zones) if "zone=" in shown else ()
+        result = run("search", scene, asked, *given)
+        assert result.stdout.startswith(shown), result.stderr
         assert found in result.stdout
 
 

@@ -146,7 +146,7 @@ def test_tracks_are_tables_for_other_libraries():
 def test_tracks_have_the_columns_of_a_scene():
     from scene4d.store.schema import COLUMN_NAMES, KEYPOINT_COLUMNS
 
-    extra = {"camera", "time", *KEYPOINT_COLUMNS}
+    extra = {"camera", "time", "colours", *KEYPOINT_COLUMNS}
     assert list(tracks().columns()) == [name for name in COLUMN_NAMES if name not in extra]
 
 

@@ -1,4 +1,5 @@
 import gc
+import sys
 import weakref
 from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
@@ -148,3 +149,18 @@ def test_several_threads_run_one_network_of_openvino_at_once(doubling, installed
         found = list(pool.map(lambda x: session.run(None, {"x": x})[0][0], given))
     assert found == list(range(1, 41))
     assert 1 <= made.requests <= _session._CORES
+
+
+def test_openvino_is_imported_without_the_module_that_tells_its_makers(tmp_path, monkeypatch):
+    (tmp_path / "openvino_telemetry.py").write_text("told = True\n")
+    (tmp_path / "openvino.py").write_text(
+        "try:\n    import openvino_telemetry\n    TELLS = True\n"
+        "except ImportError:\n    TELLS = False\n"
+        "class Core:\n    tells = TELLS\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("openvino", "openvino_telemetry"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    assert _session._core.__wrapped__().tells is False
+    assert "openvino_telemetry" not in sys.modules  # whoever wants it can have it
+    del sys.modules["openvino"]

@@ -93,13 +93,10 @@ CLOTHES, VEHICLES = _prior(_CLOTHES), _prior(_VEHICLES)
 
 _OWN_L, _OWN_AB, _OWN_CHROMA = 7.0, 2.5, 0.2
 """How much things of one name differ: in lightness, and in a* and b* (more the more saturated)."""
-_UPRIGHT = 0.5 ** (1 / 3)
-"""What stands upright sees half of the sky or ceiling, and gets half of the light that lies on the
-ground: of the cube root, to which L* + 16 and a*, b* are proportional, four fifths."""
 _SHADE, _SATURATION, _CAST = 0.18, 0.2, 0.045
 """What the picture adds to all looks at a thing alike. Light and shade change linear values by a
-half (0.18 of the cube root); cameras show colours by a fifth more or less saturated; after white
-balance a cast of 13 % in a channel is left."""
+half (0.18 of the cube root, to which L* + 16 and a*, b* are proportional); cameras show colours by
+a fifth more or less saturated; after white balance a cast of 13 % in a channel is left."""
 _STRAY_L, _STRAY_AB = 4.0, 2.0
 """Stray light, compression and what else is there in any picture."""
 _WRONG, _ROOM = 0.1, 8.2e5
@@ -112,7 +109,6 @@ def _normals() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     entry = np.array([PALETTE.index(name) for name, *_ in _MIDDLES])
     share, light, chroma, hue = np.array([one[1:] for one in _MIDDLES], float).T
     ab = chroma[:, None] * np.column_stack([np.cos(np.radians(hue)), np.sin(np.radians(hue))])
-    light, ab = _UPRIGHT * (light + 16) - 16, _UPRIGHT * ab
     mean = np.column_stack([light, ab])
     shade = _SHADE * np.column_stack([light + 16, ab])
     saturation = _SATURATION * np.column_stack([0 * light, ab])

@@ -7,6 +7,7 @@ two are equally fast.
 
 import hashlib
 import os
+import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -115,6 +116,8 @@ class _Session(ort.InferenceSession):  # type: ignore[misc]
 _open: WeakValueDictionary[tuple[str, str], Any] = WeakValueDictionary()
 _opening = threading.Lock()
 
+_TELEMETRY = "openvino_telemetry"
+
 
 def _shared(where: str, network: Path | bytes, opened: Callable[[bytes], Any]) -> Any:
     content = network if isinstance(network, bytes) else network.read_bytes()
@@ -128,11 +131,19 @@ def _shared(where: str, network: Path | bytes, opened: Callable[[bytes], Any]) -
 
 @cache
 def _core() -> Any | None:
-    """OpenVINO, where it is installed."""
+    """OpenVINO, where it is installed.
+
+    As it is imported it sends a message to its makers, from a process that the end of the program
+    waits for. Without its telemetry module, which None in its place means, it sends nothing.
+    """
+    before = sys.modules.setdefault(_TELEMETRY, None)  # type: ignore[arg-type]
     try:
         return import_module("openvino").Core()
     except ImportError:
         return None
+    finally:
+        if before is None:
+            sys.modules.pop(_TELEMETRY, None)
 
 
 def _has_bf16() -> bool:
