@@ -9,8 +9,7 @@
 
 PYTHON ?= python3
 VENV := .venv
-# One more than the cores of CI: some tests wait for servers, streams and the browser.
-JOBS := 3
+JOBS := 2
 
 BIN := $(VENV)/bin
 PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
