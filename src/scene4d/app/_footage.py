@@ -8,9 +8,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import UInt8
 
 from scene4d.core.errors import InputError
+from scene4d.core.pictures import jpeg
 from scene4d.store.footage import NoFootage
 from scene4d.video.background import Background
 from scene4d.video.reader import FRAGMENTS, Source, open_source
@@ -80,16 +80,9 @@ def view_of(source: Source) -> bytes | None:
     for frame in source.frames(chosen.tolist()):
         background.add(frame)
     image = background.image()
-    return None if image is None else jpeg(image)
-
-
-def jpeg(image_bgr: UInt8[np.ndarray, "h w 3"]) -> bytes:
-    """A picture as small as a page shows it."""
-    scale = _VIEW_PX / max(image_bgr.shape[:2])
-    if scale < 1:
-        image_bgr = cv2.resize(image_bgr, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    coded = cv2.imencode(".jpg", image_bgr, [cv2.IMWRITE_JPEG_QUALITY, _VIEW_QUALITY])[1]
-    return coded.tobytes()
+    if image is None:
+        return None
+    return jpeg(image, _VIEW_QUALITY, _VIEW_PX / max(image.shape[:2]))
 
 
 def encoded(

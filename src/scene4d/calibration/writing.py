@@ -8,10 +8,12 @@ from scene4d.calibration.calibrating import Run
 from scene4d.calibration.orienting import OrientationReading
 from scene4d.core.calibration import Calibration
 from scene4d.core.files import write_bytes, write_json
+from scene4d.core.pictures import jpeg
 from scene4d.core.progress import Progress, timed
 from scene4d.core.staging import ensure_folder, staged
 
 BACKGROUND = "background.jpg"
+_QUALITY = 92
 """The scene as it was calibrated: by it ``track`` sees whether the camera has moved since."""
 
 
@@ -37,7 +39,7 @@ def write(result: Run, out_dir: str | Path, *, progress: Progress) -> Path:
             write_bytes(folder / name, content)
         write_people(folder / "people.parquet", _people_table(found))
         if result.image_bgr is not None and found:
-            write_bytes(folder / BACKGROUND, _jpeg(result.image_bgr))
+            write_bytes(folder / BACKGROUND, jpeg(result.image_bgr, _QUALITY))
         write_json(folder / "camera.json", found.to_dict())
     return out / "report.html"
 
@@ -67,13 +69,6 @@ def write_orientation(
         write_bytes(folder / name, picture)
         write_json(folder / "orientation.json", reading.to_dict())
     return out / name
-
-
-def _jpeg(image_bgr: np.ndarray) -> bytes:
-    import cv2
-
-    coded = cv2.imencode(".jpg", image_bgr, [cv2.IMWRITE_JPEG_QUALITY, 92])[1]
-    return bytes(coded.tobytes())
 
 
 def _people_table(found: Calibration) -> dict[str, np.ndarray]:

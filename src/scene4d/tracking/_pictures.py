@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import cv2
 import numpy as np
 
+from scene4d.core.pictures import jpeg
 from scene4d.core.tracks import Tracks
 from scene4d.video.frames import Frame
 
@@ -29,8 +30,7 @@ class Pictures:
         if self._kept and frame.time_s < self._kept[-1][0] + _EVERY_S:
             return
         scale = min(1.0, _WIDTH_PX / frame.image_bgr.shape[1])
-        small = cv2.resize(frame.image_bgr, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        self._kept.append((frame.time_s, scale, _jpeg(small)))
+        self._kept.append((frame.time_s, scale, jpeg(frame.image_bgr, _QUALITY, scale)))
 
     def of(self, time_s: float, tracks: Tracks, roles: Mapping[str, int]) -> str | None:
         """The picture nearest to a time, with the boxes of who took part: JPEG in base64."""
@@ -45,7 +45,7 @@ class Pictures:
                 cv2.rectangle(image, (left, top), (right, bottom), colour, 2)
                 font, place = cv2.FONT_HERSHEY_SIMPLEX, (left, max(12, top - 4))
                 cv2.putText(image, role, place, font, 0.45, colour, 1, cv2.LINE_AA)
-        return base64.b64encode(_jpeg(image)).decode()
+        return base64.b64encode(jpeg(image, _QUALITY)).decode()
 
 
 def _box(tracks: Tracks, track: int, at_s: float) -> np.ndarray | None:
@@ -55,8 +55,3 @@ def _box(tracks: Tracks, track: int, at_s: float) -> np.ndarray | None:
     away_s = np.abs(tracks.time_s[rows] - at_s)
     nearest = int(away_s.argmin())
     return tracks.box_xyxy[rows[nearest]] if away_s[nearest] < _NEAR_S else None
-
-
-def _jpeg(image: np.ndarray) -> bytes:
-    _, content = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
-    return content.tobytes()

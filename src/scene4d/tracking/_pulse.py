@@ -5,10 +5,9 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import cv2
-
 from scene4d.core.errors import OutputError, Scene4DError
 from scene4d.core.files import write_bytes
+from scene4d.core.pictures import jpeg
 from scene4d.store.status import Status, status_path
 
 if TYPE_CHECKING:
@@ -84,7 +83,6 @@ class Pulse:
         if now_s < self._pictured_s + _PICTURED_S:
             return
         self._pictured_s = now_s
-        scale = min(1.0, _WIDTH_PX / frame.image_bgr.shape[1])
-        small = cv2.resize(frame.image_bgr, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        coded = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
-        write_bytes(status_path(self._scene, self._camera, "jpg"), coded.tobytes())
+        scale = _WIDTH_PX / frame.image_bgr.shape[1]
+        picture = jpeg(frame.image_bgr, _QUALITY, scale)
+        write_bytes(status_path(self._scene, self._camera, "jpg"), picture)
