@@ -87,6 +87,11 @@ def analysts() -> list[Phrasing]:
     return _read("language_analysts.txt")
 
 
+def third() -> list[Phrasing]:
+    """Those of the third file, all of them held out."""
+    return _read("language_third.txt")
+
+
 def _read(name: str) -> list[Phrasing]:
     text = Path(__file__).with_name(name).read_text("utf-8")
     named = dict(re.findall(r"^# (zones|lines): (.*)$", text, re.MULTILINE))
@@ -319,6 +324,7 @@ def main() -> None:
     if arguments.held_out:
         _print("held out", tally(phrasings(True)), False)
         _print("of analysts", tally(analysts()), arguments.all)
+        _print("third", tally(third()), arguments.all)
 
 
 if __name__ == "__main__":

@@ -24,8 +24,8 @@ from scene4d.searching.pages._clip import (
     Crop,
     crop_region,
     cut_out,
-    jpeg,
     mp4,
+    still,
     stills,
 )
 from scene4d.searching.pages._page import search_html
@@ -173,7 +173,7 @@ def test_the_clip_decodes_to_what_went_in():
 def test_stills_are_spread_from_first_to_last():
     assert [one.time_s for one in stills(Clip(crops(10), 10.0))] == [0, 3, 6, 9]
     assert [one.time_s for one in stills(Clip(crops(2), 10.0))] == [0, 1]
-    small = cv2.imdecode(np.frombuffer(jpeg(crops(1)[0], 60), np.uint8), cv2.IMREAD_COLOR)
+    small = cv2.imdecode(np.frombuffer(still(crops(1)[0], 60), np.uint8), cv2.IMREAD_COLOR)
     assert small.shape == (40, 60, 3)
 
 

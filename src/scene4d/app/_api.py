@@ -27,8 +27,8 @@ from scene4d.app._jobs import BusyError, SlowError, Worker
 from scene4d.app._openapi import description
 from scene4d.app._served import Served
 from scene4d.core.errors import InputError, Scene4DError
+from scene4d.searching.kept import LONGEST
 
-_LONGEST_WORDS = 400
 _SEARCH_S = 60.0
 """A search that takes longer is ended, and answered with an error."""
 _WAITING = 4
@@ -247,8 +247,8 @@ def _news(served: Served, known: dict[str, int], told: dict[str, int]) -> list[t
 
 def _words(said: dict[str, Any]) -> str:
     words = said.pop("words", None)
-    if not isinstance(words, str) or not 0 < len(words) <= _LONGEST_WORDS:
-        raise InputError(f"words: expected text of 1 to {_LONGEST_WORDS} characters")
+    if not isinstance(words, str) or not 0 < len(words) <= LONGEST:
+        raise InputError(f"words: expected text of 1 to {LONGEST} characters")
     return words
 
 

@@ -11,7 +11,7 @@ from scene4d.cli.activities import activities
 from scene4d.cli.align import align
 from scene4d.cli.arguments import reflowed
 from scene4d.cli.calibrate import calibrate
-from scene4d.cli.command import envelope, usage_envelope
+from scene4d.cli.command import usage_envelope
 from scene4d.cli.demo import demo
 from scene4d.cli.evaluate import evaluate
 from scene4d.cli.export import export
@@ -23,6 +23,7 @@ from scene4d.cli.serve import serve
 from scene4d.cli.track import track
 from scene4d.cli.view import view
 from scene4d.cli.watch import watch
+from scene4d.core.envelope import envelope
 
 _EPILOG = """
 Start with [bold]scene4d demo[/bold]. Every command has [bold]--help[/bold].

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Concatenate, ParamSpec
 import typer
 
 from scene4d.cli.output import emit_json, say
+from scene4d.core.envelope import envelope
 from scene4d.core.errors import OutputError, Scene4DError
 from scene4d.core.progress import Progress, Silent
 from scene4d.core.staging import ensure_folder
@@ -164,23 +165,6 @@ def _tell_undetermined(name: str, answer: Answer, messages: "_Messages", *, as_j
         answer.show()
     say(f"scene4d: error: {text}")
     return _COULD_NOT
-
-
-def envelope(
-    name: str,
-    fields: Mapping[str, Any],
-    *,
-    warnings: Sequence[str] = (),
-    error: Mapping[str, Any] | None = None,
-) -> dict[str, Any]:
-    """The object of ``--json``: four keys that every command has, then the command's own."""
-    head = {
-        "schema": f"scene4d/{name}/1",
-        "version": version("scene4d"),
-        "warnings": list(dict.fromkeys(warnings)),
-        "error": error,
-    }
-    return head | {key: value for key, value in fields.items() if key not in head}
 
 
 def usage_envelope(name: str, message: str) -> dict[str, Any]:

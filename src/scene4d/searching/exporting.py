@@ -6,13 +6,13 @@ import json
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from importlib.metadata import version
 
+from scene4d.core.envelope import envelope
 from scene4d.core.errors import InputError
 from scene4d.core.text import nearest, quoted
 from scene4d.formats.activities import ActevInstance, actev_json
 from scene4d.searching._asking import reaches
-from scene4d.searching.result import SEARCH_SCHEMA, SearchResult, clip_name
+from scene4d.searching.result import SearchResult, clip_name
 from scene4d.store.runs import Run
 
 _REFUSED_BY_SCORER = re.compile(r"[^A-Za-z0-9_\-.]")
@@ -32,11 +32,10 @@ def exported(results: Sequence[SearchResult], form: str) -> str:
 
 def _json(results: Sequence[SearchResult]) -> str:
     """What ``--json`` prints of the searches: every event, and what they were understood as."""
-    notes = dict.fromkeys(note for one in results for note in one.asked.notes)
-    head: dict[str, object] = {"schema": SEARCH_SCHEMA, "version": version("scene4d")}
-    head |= {"warnings": list(notes), "error": None}
+    notes = [note for one in results for note in one.asked.notes]
     found = [one.to_dict() for one in results]
-    return _text(head | (found[0] if len(found) == 1 else {"searches": found}))
+    fields = found[0] if len(found) == 1 else {"searches": found}
+    return _text(envelope("search", fields, warnings=notes))
 
 
 def _csv(results: Sequence[SearchResult]) -> str:

@@ -18,7 +18,7 @@ from scene4d.searching.language import Query
 
 STANDING, ZONES = "standing.json", "zones.json"
 _SCHEMA = "scene4d/standing/1"
-_MOST, _LONGEST = 32, 400
+_MOST, LONGEST = 32, 400
 """Searches, each of which is made once a second, and characters of one."""
 
 
@@ -35,8 +35,8 @@ def kept_searches(scene: Path) -> tuple[str, ...]:
     found = values.value("searches")
     if not isinstance(found, list) or not all(isinstance(one, str) for one in found):
         raise values.error("searches", "a list of texts")
-    if len(found) > _MOST or any(not 0 < len(one) <= _LONGEST for one in found):
-        raise values.error("searches", f"at most {_MOST} texts of 1 to {_LONGEST} characters")
+    if len(found) > _MOST or any(not 0 < len(one) <= LONGEST for one in found):
+        raise values.error("searches", f"at most {_MOST} texts of 1 to {LONGEST} characters")
     return tuple(dict.fromkeys(found))
 
 

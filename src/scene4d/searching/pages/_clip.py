@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from scene4d.core.pictures import jpeg
 from scene4d.core.tracks import Tracks
 from scene4d.searching.activities._events import Event
 from scene4d.searching.pages._plan import role_colours
@@ -135,13 +136,9 @@ def stills(clip: Clip, count: int = 4) -> list[Crop]:
     return [clip.crops[number] for number in chosen]
 
 
-def jpeg(crop: Crop, width: int) -> bytes:
-    """A still of some width."""
-    height, own = crop.image_bgr.shape[:2]
-    size = (width, max(1, round(height * width / own)))
-    small = cv2.resize(crop.image_bgr, size, interpolation=cv2.INTER_AREA)
-    done: np.ndarray = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, _STILL_QUALITY])[1]
-    return done.tobytes()
+def still(crop: Crop, width: int) -> bytes:
+    """A still of some width, never enlarged."""
+    return jpeg(crop.image_bgr, _STILL_QUALITY, width / crop.image_bgr.shape[1])
 
 
 def mp4(crops: Sequence[Crop], rate_hz: float) -> bytes | None:

@@ -9,7 +9,7 @@ from scene4d.core.progress import Progress, timed
 from scene4d.core.staging import staged
 from scene4d.searching.exporting import exported
 from scene4d.searching.language import explain
-from scene4d.searching.pages._clip import Clip, jpeg, mp4, stills
+from scene4d.searching.pages._clip import Clip, mp4, still, stills
 from scene4d.searching.pages._course import course_svg
 from scene4d.searching.pages._footage import clips_of
 from scene4d.searching.pages._plan import plan_svg, role_colours
@@ -111,9 +111,9 @@ def _pictures(clip: Clip | NoFootage) -> dict[str, object]:
     return {
         "video": None if video is None else _uri("video/mp4", video),
         "size": (width, height),
-        "poster": _uri("image/jpeg", jpeg(middle, width)),
+        "poster": _uri("image/jpeg", still(middle, width)),
         "stills": [
-            (_uri("image/jpeg", jpeg(crop, _STILL_PX)), f"{crop.time_s:+.1f} s")
+            (_uri("image/jpeg", still(crop, _STILL_PX)), f"{crop.time_s:+.1f} s")
             for crop in stills(clip)
         ],
         "faster": f"{clip.faster:g} times as fast as it was" if clip.faster > 1.05 else "",
