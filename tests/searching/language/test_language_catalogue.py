@@ -4,7 +4,7 @@ import re
 from dataclasses import replace
 
 import pytest
-from lemminflect import getInflection
+from lemminflect import getAllLemmas, getInflection
 from words_scenes import LINES, ZONES
 
 from scene4d.core.errors import InputError
@@ -185,3 +185,11 @@ def test_phrases_that_cannot_be(phrase):
 
 def test_without_a_catalogue_states_can_still_be_asked_for():
     assert parse_query("person near vehicle", {}).predicates == ["near(person, vehicle)"]
+
+
+def test_base_forms_are_those_of_lemminflect():
+    # Of parts of speech that are read, and of those that its second file overrides.
+    for word in ("enters", "left", "people", "parked", "her", "us", "could", "better", "entres"):
+        every = [form for forms in getAllLemmas(word).values() for form in forms if form != word]
+        assert set(base_forms(word)) == set(every), word
+    assert base_forms("left")[0] == "leave"

@@ -81,7 +81,7 @@ class _Reader:
     def activities(self, text: str) -> Iterator[tuple[Activity, Callable]]:
         """The activities of the file, each with a context that names its place."""
         try:
-            root = yaml.compose(text, Loader=yaml.SafeLoader)
+            root = yaml.compose(text, Loader=yaml.CSafeLoader)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             line = f", line {mark.line + 1}" if mark else ""

@@ -1,16 +1,18 @@
 """The grammar of a search, generated from the lexicon and the phrases of a catalogue."""
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from importlib.resources import files
+from typing import cast
 
 from lark import Lark, Token, Tree
-from lark.exceptions import UnexpectedInput
+from lark.exceptions import UnexpectedEOF, UnexpectedInput
+from lark.grammar import Symbol
 from lark.lexer import Lexer
-from lark.parser_frontends import ParsingFrontend
+from lark.load_grammar import Grammar as LarkGrammar
+from lark.load_grammar import load_grammar
 
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.language._lexicon import Lexicon, base_forms, read_lexicon
@@ -31,14 +33,17 @@ _SYMBOLS = {"object": "noun"}
 
 @dataclass(frozen=True, eq=False)
 class Grammar:
-    """A parser, the words that it knows with their tokens, and the activities that the rules
+    """Rules, the words that they know with their tokens, and the activities that the rules
     ``activity_N`` and ``whole_N`` speak of.
     """
 
-    parser: Lark
+    rules: LarkGrammar
     terminals: Mapping[str, str]
     spoken: tuple[tuple[Spoken, ...], ...]
     lexicon: Lexicon
+    _last: list[tuple[frozenset[str], Lark]] = field(default_factory=list)
+    """The parser that was made last, and for which words: parts of a text are read with that of the
+    whole."""
 
     def tokens(self, words: Sequence[Word]) -> list[Token]:
         """Words as tokens of the grammar, with their places in the text."""
@@ -58,32 +63,40 @@ class Grammar:
         """
         tokens = self.tokens(words)
         try:
-            return self._only({token.type for token in tokens}).parse(tokens)
+            return self._parser({token.type for token in tokens}).parse(tokens)
         except UnexpectedInput:
             if quick:
                 raise
-            return self.parser.parse(tokens)
+            return self._whole.parse(tokens)
 
-    def _only(self, terminals: set[str]) -> ParsingFrontend:
-        """The parser without the rules that need other words: a third of the time, since Earley's
-        algorithm predicts every rule at every word.
+    def _parser(self, terminals: Collection[str]) -> Lark:
+        """A parser of the rules that these words can follow. There are hundreds of others, which
+        Earley's algorithm would prepare, and then predict at every word.
         """
-        there: set[str] = set(terminals)
-        rules = list(self.parser.rules)
+        if self._last and self._last[-1][0].issuperset(terminals):
+            return self._last[-1][1]
+        there = set(terminals)
+        waiting = list(self.rules.rule_defs)
         while True:
-            usable = [r for r in rules if all(s.name in there for s in r.expansion)]
-            found = there | {rule.origin.name for rule in usable}
-            if found == there:
+            usable = [rule[0] for rule in waiting if _can_be_said(rule[2], there)]
+            if not usable:
                 break
-            there = found
-        kept = set(map(id, usable))
-        frontend, earley = copy(self.parser.parser), copy(self.parser.parser.parser)
-        earley.predictions = {
-            origin: [rule for rule in predicted if id(rule) in kept]
-            for origin, predicted in earley.predictions.items()
-        }
-        frontend.parser = earley
-        return frontend
+            there.update(usable)
+            waiting = [rule for rule in waiting if rule[0] not in there]
+        if "start" not in there:  # these words alone make no search
+            raise UnexpectedEOF([])  # type: ignore[no-untyped-call]
+        rules = [
+            (name, templates, _pruned(tree, there), options)
+            for name, templates, tree, options in self.rules.rule_defs
+            if name in there
+        ]
+        parser = _parser_of(LarkGrammar(rules, self.rules.term_defs, self.rules.ignore))
+        self._last[:] = [(frozenset(terminals), parser)]
+        return parser
+
+    @cached_property
+    def _whole(self) -> Lark:
+        return _parser_of(self.rules)
 
     def vocabulary(self, zones: Sequence[str], lines: Sequence[str]) -> Vocabulary:
         """The words of the grammar, with the names of places."""
@@ -102,6 +115,43 @@ class _Ready(Lexer):
 
     def lex(self, data: Iterable[Token]) -> Iterator[Token]:  # type: ignore[override]
         yield from data
+
+
+def _parser_of(rules: LarkGrammar) -> Lark:
+    return Lark(
+        rules, parser="earley", lexer=_Ready, ambiguity="explicit", propagate_positions=True
+    )
+
+
+def _can_be_said(part: Tree, there: set[str]) -> bool:
+    """Whether a part of a rule can be said with these symbols."""
+    children = part.children
+    match part.data:
+        case "expansions":
+            return any(_can_be_said(one, there) for one in children)
+        case "expansion":
+            return all(_can_be_said(one, there) for one in children)
+        case "expr" if children[1] in ("?", "*"):
+            return True
+        case "value":
+            return cast(Symbol, children[0]).name in there
+    return _can_be_said(children[0], there)
+
+
+def _pruned(part: Tree, there: set[str]) -> Tree:
+    """A part of a rule that can be said, without what cannot."""
+    children = part.children
+    match part.data:
+        case "expansions":
+            kept = [_pruned(one, there) for one in children if _can_be_said(one, there)]
+            return Tree("expansions", kept)
+        case "expansion":
+            return Tree("expansion", [_pruned(one, there) for one in children])
+        case "value":
+            return part
+        case "expr" if not _can_be_said(children[0], there):
+            return Tree("expansion", [])
+    return Tree(part.data, [_pruned(children[0], there), *children[1:]])
 
 
 def build_grammar(activities: Iterable[Activity]) -> Grammar:
@@ -149,10 +199,8 @@ class _Writer:
         rules = self._with_tokens()
         tokens = dict.fromkeys([*_OF_KIND.values(), *self._words.values(), "NOTHING"])
         text = "\n".join([frame, *rules, "%declare " + " ".join(tokens)])
-        parser = Lark(
-            text, parser="earley", lexer=_Ready, ambiguity="explicit", propagate_positions=True
-        )
-        return Grammar(parser, self._words, spoken, self._lexicon)
+        read, _ = load_grammar(text, "grammar.lark", [], False)  # type: ignore[no-untyped-call]
+        return Grammar(read, self._words, spoken, self._lexicon)
 
     def _rule(self, name: str, rights: Iterable[str]) -> None:
         """A rule with these right sides as alternatives; their words become known."""

@@ -57,6 +57,14 @@ class PhraseReader:
         self._adjectives = {word: entry for entry in lexicon.adjectives for word in entry.words}
         articles = {word for words in lexicon.articles.values() for word in words}
         self._silent = articles | set(lexicon.sets["auxiliary"]) | {"be", "do", "have"}
+        verbs = [(f"v_{name}", s.words, s.before) for name, s in lexicon.verbs.items()]
+        things = [(f"t_{name}", words, ()) for name, words in lexicon.things.items()]
+        self._sets = [
+            (name, tuple(words), before)
+            for name, patterns, before in (*verbs, *things)
+            for pattern in patterns
+            for words in spelled(pattern)
+        ]
 
     def read(self, activity: Activity, phrase: str) -> Iterator[tuple[Spoken, list[_Piece]]]:
         """What the phrase says, with its words after the subject.
@@ -176,14 +184,11 @@ class PhraseReader:
     def _sets_at(self, rest: tuple[_Piece, ...], is_short: bool) -> list[tuple[str, int]]:
         """Sets of synonyms that begin here, with how many words they take: the longest only."""
         found: dict[tuple[str, int], None] = {}
-        sets = [(f"v_{name}", s.words, s.before) for name, s in self._lexicon.verbs.items()]
-        sets += [(f"t_{name}", words, ()) for name, words in self._lexicon.things.items()]
-        for name, patterns, before in sets:
-            for words in (tuple(w) for pattern in patterns for w in spelled(pattern)):
-                if rest[: len(words)] == words and self._fits(
-                    rest[len(words) :], () if is_short else before
-                ):
-                    found[name, len(words)] = None
+        for name, words, before in self._sets:
+            if rest[: len(words)] == words and self._fits(
+                rest[len(words) :], () if is_short else before
+            ):
+                found[name, len(words)] = None
         longest = max((length for _, length in found), default=0)
         return [item for item in found if item[1] == longest]
 
