@@ -93,9 +93,11 @@ def test_the_table_of_probabilities(evaluation):
     assert trust.events == len(shown)
     assert trust.stated == pytest.approx(np.mean(0.1 + 0.4 * shown))
     texts = [cell.text for cell in sheet.lines[0].cells]
-    columns = (trust.stated, trust.right, trust.expected_error, trust.chance_error)
+    alone = trust.without_chance
+    columns = [trust.stated, trust.right, trust.expected_error, alone.floor, alone.chance]
+    columns += [alone.debiased, alone.low, alone.high]
     assert texts == [f"{v:.2f}" for v in columns]
-    assert [cell.text for cell in sheet.lines[2].cells] == ["–"] * 4  # stops are not calibrated
+    assert [cell.text for cell in sheet.lines[2].cells] == ["–"] * 8  # stops are not calibrated
 
 
 def test_the_mean_leaves_out_what_a_method_cannot_look_for(evaluation):

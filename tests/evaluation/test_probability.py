@@ -11,9 +11,9 @@ from sklearn.calibration import calibration_curve
 from scene4d.core.errors import InputError
 from scene4d.evaluation.measures._probability import (
     brier_score,
-    chance_error,
     reliability,
     roc_curve,
+    true_error,
 )
 
 SEED = st.integers(0, 2**32 - 1)
@@ -210,13 +210,34 @@ def test_no_bins_are_refused(bins):
         reliability(np.array([0.1, 0.9]), BOTH, bins)
 
 
-@pytest.mark.parametrize(("events", "low", "high"), [(100, 0.05, 0.2), (10_000, 0.005, 0.02)])
-def test_true_probabilities_err_by_chance_the_less_the_more_there_are(events, low, high):
+TWISTS = {"true": lambda p: p, "too sure": lambda p: 0.2 + 0.6 * p, "too low": np.sqrt}
+
+
+@pytest.mark.parametrize(("twist", "events"), [("true", 100), ("too low", 100), ("too sure", 400)])
+def test_the_error_without_chance_is_the_true_one(events, twist):
+    """Its median and its range, where the raw error is too high."""
     rng = np.random.default_rng(1)
-    stated = rng.random(events)
-    limit = chance_error(stated)
-    assert low < limit < high
-    errors = [reliability(stated, rng.random(events) < stated).expected_error for _ in range(60)]
-    assert 0.85 < np.mean(np.array(errors) < limit) <= 1
-    wrong = reliability(stated, rng.random(events) < stated**3).expected_error
-    assert wrong > limit
+    inside, middle, raw, floor = [], [], [], []
+    for _ in range(60):
+        stated = rng.beta(0.4, 0.8, events)
+        share = TWISTS[twist](stated)
+        truth = reliability_of_shares(stated, share)
+        found = reliability(stated, rng.random(events) < share)
+        known = true_error(found)
+        inside.append(known.low <= truth <= known.high)
+        middle.append(known.debiased - truth)
+        raw.append(found.expected_error - truth)
+        floor.append(known.floor)
+        assert known.low <= known.debiased <= known.high
+        assert known.floor < known.chance
+    assert 0.8 <= np.mean(inside) <= 1
+    assert 0.3 < np.mean(np.array(middle) <= 0) < 0.7
+    if twist == "true":
+        assert np.mean(raw) == pytest.approx(np.mean(floor), rel=0.1)
+        assert 0.9 * np.sqrt(0.5 / events) < np.mean(floor) < 1.4 * np.sqrt(0.5 / events)
+
+
+def reliability_of_shares(stated, share, bins=10):
+    """The error that no chance is in."""
+    index = np.minimum((stated * bins).astype(int), bins - 1)
+    return np.abs(np.bincount(index, share - stated, bins)).sum() / len(stated)

@@ -7,7 +7,7 @@ from rich.table import Table
 from scene4d.cli.output import screen
 from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.evaluation.pages.site import COLUMNS, site_facts, site_lines, site_verdict
-from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation
+from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation, Trust
 from scene4d.evaluation.trials.outcomes import Evaluation, Outcome, Setting
 from scene4d.evaluation.trials.sites import SiteEvaluation
 
@@ -137,8 +137,7 @@ def _show_activities(found: ActivityEvaluation, out: Path | None) -> None:
         ours, trust = outcomes[0], outcomes[0].trust
         cells += [_precision(ours.missed_at(rate)) for rate in FALSE_PER_MINUTE]
         cells.append(_precision(ours.precision_by("IoU 0.5")))
-        errors = (trust.expected_error, trust.chance_error) if trust is not None else (None,)
-        cells.append(" / ".join(map(_precision, errors)))
+        cells.append("–" if trust is None else _errors(trust))
         table.add_row(activity, str(found.labels[activity]), *cells)
     means = [found.mean_average_precision(method.name) for method in found.methods]
     table.add_row("mean", "", *map(_precision, means), *[""] * len(more), style="bold")
@@ -147,8 +146,9 @@ def _show_activities(found: ActivityEvaluation, out: Path | None) -> None:
             f"{found.name}: {found.clips} clips, {found.minutes:g} minutes, cameras "
             f"{' and '.join(found.reported)}; constants chosen on {' and '.join(found.tuned)}. "
             "AP: average precision. @r: share missed at r false alarms per minute. IoU 0.5: AP "
-            "where half of the time must be common. Error of P: of the stated probabilities, and "
-            "what true ones would stay below in 95 % of cases."
+            "where half of the time must be common. Error of P: expected calibration error of the "
+            "stated probabilities, raw, and in brackets debiased: 95 % of what is left without "
+            "chance."
         )
         console.print()
         console.print(table)
@@ -158,6 +158,11 @@ def _show_activities(found: ActivityEvaluation, out: Path | None) -> None:
             console.print(f"\n{note}", style="dim")
         if out is not None:
             console.print(f"\nReport   {out / 'evaluation.html'}", soft_wrap=True)
+
+
+def _errors(trust: Trust) -> str:
+    without = trust.without_chance
+    return f"{trust.expected_error:.3f} ({without.low:.2f}-{without.high:.2f})"
 
 
 def _precision(value: float | None) -> str:

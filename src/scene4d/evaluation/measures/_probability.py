@@ -91,20 +91,45 @@ def reliability(
     return Reliability(stated, observed, count[held])
 
 
-def chance_error(
-    probability: Float[np.ndarray, "n"], *, share: float = 0.95, draws: int = 400
-) -> float:
-    """The expected calibration error that true probabilities stay below in a ``share`` of cases:
-    with so few outcomes chance alone sets the bins apart. By drawn outcomes, the same each time.
+@dataclass(frozen=True)
+class TrueError:
+    """Expected calibration errors without what chance does to them.
 
-    Raises as :func:`reliability`.
+    ``floor`` is the mean error of true probabilities, with so few outcomes, and ``chance`` the one
+    that they stay below in 95 % of cases. ``debiased`` is the error at which as much as was seen is
+    the median, 0 where true probabilities seem to err more; ``low`` to ``high`` holds 95 %.
+    """
+
+    floor: float
+    chance: float
+    debiased: float
+    low: float
+    high: float
+
+
+def true_error(found: Reliability, draws: int = 400) -> TrueError:
+    """What the error of a diagram is worth: chance alone sets bins of few outcomes apart.
+
+    Each bin is taken to be as wrong as it looks, times a factor from 0 to 3. For each factor
+    outcomes are drawn, independently, the same each time; those factors hold at which an error as
+    large as the seen one is neither too rare nor too common (inversion of a test; Neyman 1937).
     """
     rng = np.random.default_rng(0)
-    errors = [
-        reliability(probability, rng.random(len(probability)) < probability).expected_error
-        for _ in range(draws)
-    ]
-    return float(np.quantile(errors, share))
+    weight = found.count / found.count.sum()
+    factor = np.linspace(0.0, 3.0, 31)[:, None]
+    share = np.clip(found.stated + factor * (found.observed - found.stated), 0.0, 1.0)
+    drawn = rng.binomial(found.count, share[:, None], (len(factor), draws, len(weight)))
+    seen = np.abs(drawn / found.count - found.stated) @ weight
+    true = np.abs(share - found.stated) @ weight
+    rare, middle, common = np.maximum.accumulate(
+        np.quantile(seen, [0.025, 0.5, 0.975], axis=1), axis=1
+    )
+    debiased, low, high = (
+        float(np.interp(found.expected_error, quantile, true))
+        for quantile in (middle, common, rare)
+    )
+    chance = float(np.quantile(seen[0], 0.95))
+    return TrueError(float(seen[0].mean()), chance, debiased, low, high)
 
 
 def _check(score: np.ndarray, positive: np.ndarray) -> None:

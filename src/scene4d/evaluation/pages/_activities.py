@@ -10,7 +10,7 @@ from scene4d.drawing.style import Drawn
 from scene4d.drawing.words import number
 from scene4d.evaluation.measures._events import NIST, RULES
 from scene4d.evaluation.pages._table import Cell
-from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation
+from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, ActivityEvaluation, Trust
 from scene4d.searching.activities.search import MIN_SCORE
 
 
@@ -88,25 +88,39 @@ def _by_rule(evaluation: ActivityEvaluation) -> Sheet:
 
 
 def _trust(evaluation: ActivityEvaluation) -> Sheet:
-    def column(name: str) -> _Column:
-        def value(one: str) -> float | None:
+    def column(value: Callable[[Trust], float]) -> _Column:
+        def of(one: str) -> float | None:
             trust = evaluation.ours(one).trust
-            return None if trust is None else float(getattr(trust, name))
+            return None if trust is None else value(trust)
 
-        return value
+        return of
 
-    names = ("stated", "right", "expected_error", "chance_error")
+    columns: dict[str, Callable[[Trust], float]] = {
+        "stated": lambda t: t.stated,
+        "right": lambda t: t.right,
+        "error, raw": lambda t: t.expected_error,
+        "true ones: mean": lambda t: t.without_chance.floor,
+        "95 % below": lambda t: t.without_chance.chance,
+        "debiased": lambda t: t.without_chance.debiased,
+        "from": lambda t: t.without_chance.low,
+        "to": lambda t: t.without_chance.high,
+    }
     caption = (
         f"Events with a score of {MIN_SCORE:g} or more, which a search shows by default: mean of "
         "the stated probability, share that was right, and expected calibration error (the mean "
-        "distance of the two in ten bins); true probabilities would stay below the last one in "
-        "95 % of cases, since events are few. Probabilities were fitted on cameras "
+        "distance of the two in ten bins), raw: as counted. Events are few, so that true "
+        "probabilities would err as well, by so much in the mean, and by less than the next in "
+        "95 % of cases. Debiased: the error without what chance adds, and from where to where 95 % "
+        "of it lies. Probabilities were fitted on cameras "
         f"{' and '.join(evaluation.tuned)}. A dash: too few labels there, or "
         "scores that say no more than the share of right events."
     )
-    groups = (("probability", ("stated", "right", "error", "by chance")),)
     return _sheet(
-        evaluation, "Are the probabilities true", caption, groups, [column(name) for name in names]
+        evaluation,
+        "Are the probabilities true",
+        caption,
+        (("probability", tuple(columns)),),
+        [column(value) for value in columns.values()],
     )
 
 

@@ -1,7 +1,7 @@
 """Search for activities on MEVA: annotated tracks, true cameras, labelled activities."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from scene4d.evaluation.measures._events import (
     precision_interval,
     ranked_clips,
 )
-from scene4d.evaluation.measures._probability import chance_error, reliability
+from scene4d.evaluation.measures._probability import TrueError, reliability, true_error
 from scene4d.evaluation.trials._ways import (
     METHODS,
     OURS,
@@ -41,15 +41,15 @@ FALSE_PER_MINUTE = (0.15, 0.02)
 @dataclass(frozen=True, eq=False)
 class Trust:
     """How the probabilities of the events that a search shows by default came true: events, the
-    share of right ones, the mean of what was stated, the expected calibration error, and the one
-    that true probabilities would stay below in 95 % of cases.
+    share of right ones, the mean of what was stated, the expected calibration error as counted, and
+    what chance does to it.
     """
 
     events: int
     right: float
     stated: float
     expected_error: float
-    chance_error: float
+    without_chance: TrueError
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +102,9 @@ class ActivityOutcome:
         if not len(right):
             return None
         stated = self.calibration.at(self.ranked.score[shown])
-        error = reliability(stated, right).expected_error
-        chance = chance_error(stated)
-        return Trust(len(right), float(right.mean()), float(stated.mean()), error, chance)
+        found = reliability(stated, right)
+        counts = len(right), float(right.mean()), float(stated.mean())
+        return Trust(*counts, found.expected_error, true_error(found))
 
     def to_dict(self) -> dict[str, Any]:
         """One cell of ``evaluation.json``."""
@@ -191,7 +191,7 @@ class ActivityEvaluation:
                         for method in self.methods
                     },
                     "rules": self.ours(activity).by_rule(),
-                    "probability": self.ours(activity).trust and vars(self.ours(activity).trust),
+                    "probability": (trust := self.ours(activity).trust) and asdict(trust),
                 }
                 for activity, names in self.activities.items()
             ],
