@@ -25,6 +25,10 @@ NEAR, ENTERS, EXITS = "near(person, vehicle)", "disappears_into", "appears_from"
         ("a person walks towards a car or away from a bus",
          ["speed_below", "moving_towards(person"], ["speed_below", "moving_away(person"]),
         ("nobody is in zone entrance or a person runs", ["inside(nobody"], [RUNS]),
+        ("a red car or a white van stops", ["colour=red", "moves"], ["colour=white", "moves"]),
+        ("a red or white car stops", ["colour=red", "moves"], ["colour=white", "moves"]),
+        ("a person enters a red car or a white car", [ENTERS, "=red"], [ENTERS, "=white"]),
+        ("nobody or one person runs", ["speed_above(nobody"], [RUNS]),
     ],
 )  # fmt: skip
 def test_each_alternative_says_all_of_it(said, first, second):
@@ -33,7 +37,7 @@ def test_each_alternative_says_all_of_it(said, first, second):
     for one, terms in zip(either, (first, second), strict=True):
         lines = "\n".join(explain(one, None, ()))
         assert [term for term in terms if term not in lines] == [], lines
-        others = [term for term in (*first, *second) if term not in terms]
+        others = [term for term in (*first, *second) if term not in terms]  # nothing of the other
         assert [term for term in others if term in lines] == [], lines
 
 

@@ -139,6 +139,38 @@ def test_a_lasting_state_around_an_event_is_an_allen_relation():
     )
 
 
+@pytest.mark.parametrize(
+    ("said", "first", "second"),
+    [
+        ("a person walks up to a car and stands beside it", "moving_towards", "stationary"),
+        ("a person walks up to a car and crouches", "moving_towards", "stooping"),
+        ("a person stands near a car and walks away", "stationary", "moving_away"),
+        ("a person walks and runs", "speed_below", "speed_above"),
+        ("a person walks towards a car and away from it", "moving_towards", "moving_away"),
+        ("a truck is parked and starts", "stationary", "speed_above"),
+    ],
+)
+def test_what_excludes_one_another_comes_one_after_the_other(said, first, second):
+    query = parsed(said)
+    phases = [{term.predicate for term in phase.terms} for phase in query.activity.phases]
+    assert first in phases[0] - phases[-1]
+    assert second in phases[-1] - phases[0]
+    assert any('is taken as "then"' in note for note in query.notes)
+
+
+def test_two_who_differ_do_so_at_the_same_time():
+    query = parsed("a person walks to a car and another person stands beside it")
+    assert len(query.activity.phases) == 1
+
+
+@pytest.mark.parametrize(
+    "said", ["a parked car moves", "a car that was parked moves", "a person runs while standing"]
+)
+def test_what_is_never_so_at_the_same_time_is_refused(said):
+    with pytest.raises(InputError, match="never so at the same time"):
+        parsed(said)
+
+
 def test_a_moment_beside_what_lasts():
     """A moment and an activity with "and" come in order; with "while" one is within the other."""
     query = parsed("vehicle stops and person crosses line gate")

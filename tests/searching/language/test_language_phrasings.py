@@ -1,13 +1,13 @@
 """Searches as analysts type them, against what they must mean (benchmarks/language.txt)."""
 
 import pytest
-from benchmarks.language import REFUSED, RIGHT, WRONG, Phrasing, analysts, phrasings
+from benchmarks.language import REFUSED, RIGHT, WRONG, Phrasing, analysts, phrasings, third
 
 SHARE = 5
 """One in so many is tried here, for the time it takes; ``benchmarks.language`` tries all."""
 
 
-@pytest.mark.parametrize("those", [phrasings(False), phrasings(True), analysts()])
+@pytest.mark.parametrize("those", [phrasings(False), phrasings(True), analysts(), third()])
 def test_most_are_right_and_none_is_silently_wrong(those):
     some = those[::SHARE]
     scores = [(one.text, *one.score()) for one in some]

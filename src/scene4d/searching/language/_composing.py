@@ -10,6 +10,7 @@ from scene4d.searching.language._doing import activity_of
 from scene4d.searching.language._pieces import (
     Piece,
     during,
+    exclude,
     in_order,
     shortest_of,
     state,
@@ -29,6 +30,8 @@ from scene4d.searching.language._sentences import (
     options_of,
 )
 from scene4d.searching.language._spotting import with_spots
+
+_RESTS = ("stationary", "staying", "stooping")
 
 
 def compose(order: Chain | Choice, discourse: Discourse) -> Piece:
@@ -114,12 +117,27 @@ def _together(first: Piece, second: Piece, link: str, span: Span, discourse: Dis
         return _and_then(first, second, discourse)
     if first.is_event or second.is_event:
         event, other = (first, second) if first.is_event else (second, first)
-        if other.is_instant or other.is_timed or other.is_motion:
+        if other.is_instant or other.is_timed or other.is_motion or _contradict(event, other):
             return _and_then(first, second, discourse)
         return throughout(event, other.terms)
     if _is_moment_in(first, second, discourse) or _is_moment_in(second, first, discourse):
         return _and_then(first, second, discourse)
+    if _contradict(first, second) or _settles(first, second) or _settles(second, first):
+        return _and_then(first, second, discourse)
     return _merged(first, second, span, discourse)
+
+
+def _contradict(first: Piece, second: Piece) -> bool:
+    """Whether a statement of a state excludes one of another piece."""
+    terms = (term for phase in first.phases for term in phase.terms)
+    return any(exclude(one, other) for one in terms for other in second.terms)
+
+
+def _settles(first: Piece, second: Piece) -> bool:
+    """Whether one is somebody's moving, and the other that he rests: he walks up and crouches."""
+    rests = {term.roles[0] for term in second.terms if term.predicate in _RESTS}
+    moves = {term.roles[0] for term in first.terms}
+    return first.is_motion and not second.is_motion and bool(rests & moves)
 
 
 def _while(first: Piece, second: Piece, span: Span, discourse: Discourse) -> Piece:
@@ -132,7 +150,7 @@ def _while(first: Piece, second: Piece, span: Span, discourse: Discourse) -> Pie
         if inner.is_instant and outer.is_event and len(outer.phases) == 1:
             return during(inner, outer)
     if first.is_event or second.is_event:
-        what = '"while" needs a state that lasts at one of its sides, such as "is near a vehicle"'
+        what = '"while" or "when" needs a state that lasts at one side, such as "is near a vehicle"'
         raise discourse.refuse(span, what)
     return _merged(first, second, span, discourse)
 

@@ -1,6 +1,7 @@
 """ "Or" between clauses: what each alternative says in full."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TYPE_CHECKING
@@ -67,12 +68,28 @@ def either(
                 )
                 raise refuse(text, words[place].start, what)
         note = [f'"{shared}" is said of every alternative'] if shared else []
-        once = {one.query.activity.name: one for one in found}
-        return [
-            replace(one, query=replace(one.query, notes=[*one.query.notes, *note]))
-            for one in once.values()
-        ]
+        return [_noted(one, found, note) for one in _distinct(found)]
     return [*read(first, False), *read(second, False)]  # raises: the last way
+
+
+def _distinct(found: Sequence[Reading]) -> list[Reading]:
+    """Those that are not said twice: "stops or parks"."""
+    return [
+        one
+        for at, one in enumerate(found)
+        if all(
+            replace(o.query.activity, name="") != replace(one.query.activity, name="")
+            for o in found[:at]
+        )
+    ]
+
+
+def _noted(one: Reading, found: Sequence[Reading], note: Sequence[str]) -> Reading:
+    """With its notes, and named as it was said where another one has its name."""
+    query, activity = one.query, one.query.activity
+    if sum(other.query.activity.name == activity.name for other in _distinct(found)) > 1:
+        activity = replace(activity, name=query.text)
+    return replace(one, query=replace(query, activity=activity, notes=[*query.notes, *note]))
 
 
 def _ways(
@@ -81,22 +98,31 @@ def _ways(
     """Pairs of alternatives, the likeliest first, with the end that they share."""
     whole = _said(text, right)
     until = next((at for at, word in enumerate(right) if word.value == "or"), len(right))
-    try:
-        has_subject = bool(_subject(read(_said(text, right[:until]), True)))
-    except InputError:
-        has_subject = False
+    first, second = _said(text, left), _said(text, right[:until])
+    of_left = of_right = ""
+    with suppress(InputError):
+        of_left = _subject(read(first, True))
+        of_right = _subject(read(second, True))
+    has_subject = of_right not in ("", second) or (of_left, of_right) == (first, second)
+    if has_subject and (of_left == first) != (of_right == second):
+        tail = second.removeprefix(of_right).strip()
+        yield f"{first} {tail}", whole, tail  # "a red car or a white van stops"
     begins = [n for n in range(1, len(left)) if are_alike(left[-n], right[0])]
+    begins.sort(key=lambda n: left[-n].value != right[0].value)  # "a" of "a", not "a a"
     if not has_subject:
         short = [n for n in begins if n <= _ENDS]
         tails = product(short, range(1, min(_ENDS, len(right) - 1) + 1))
         for i, j in tails:
             tail = _said(text, right[j:])
-            first = f"{_said(text, left)} {tail}"
-            yield first, f"{_said(text, left[:-i])} {_said(text, right[:j])} {tail}", tail
+            yield (
+                f"{first} {tail}",
+                f"{_said(text, left[:-i])} {_said(text, right[:j])} {tail}",
+                tail,
+            )
         for i in begins:
-            yield _said(text, left), f"{_said(text, left[:-i])} {whole}", ""
-        whole = f"{_subject(read(_said(text, left), True))} {whole}".strip()
-    yield _said(text, left), whole, ""
+            yield first, f"{_said(text, left[:-i])} {whole}", ""
+        whole = f"{of_left} {whole}".strip()
+    yield first, whole, ""
 
 
 def _said(text: str, words: Sequence[Word]) -> str:

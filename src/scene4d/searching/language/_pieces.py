@@ -142,6 +142,38 @@ def shortest_of(parts: Sequence[Lasting], span: tuple[int, int], discourse: Disc
     return Lasting(least, most, span)
 
 
+# What excludes what ------------------------------------------------------------------------------
+
+_MOVES = (
+    *("moving", "moving_towards", "moving_away", "following", "reversing"),
+    *("turning_left", "turning_right"),
+)
+_OPPOSITE = {"moving": "stationary", "stationary": "moving"}
+_APART = ({"moving_towards", "moving_away"}, {"turning_left", "turning_right"})
+
+
+def exclude(one: Term, other: Term) -> bool:
+    """Whether two statements never hold at the same time: who stands does not run."""
+    said, also = ((t.predicate, t.roles, t.parameters) for t in (one, other))
+    if said == also:
+        return one.negated != other.negated
+    if one.roles == other.roles and {one.predicate, other.predicate} in _APART:
+        return not one.negated and not other.negated
+    (low, high), (least, most) = _speeds(one), _speeds(other)
+    return one.roles[0] == other.roles[0] and (low >= most or least >= high)
+
+
+def _speeds(term: Term) -> tuple[float, float]:
+    """From which speed and below which one a statement holds, m/s; any where it says none."""
+    predicate = _OPPOSITE.get(term.predicate, "") if term.negated else term.predicate
+    if predicate in _MOVES:
+        return 0.0, _INFINITE
+    speed = float(term.parameters.get("speed_mps", 0.0))
+    if predicate == "speed_above":
+        return speed, _INFINITE
+    return -1.0, {"stationary": 0.0, "speed_below": speed}.get(predicate, _INFINITE)
+
+
 # Phases of an activity ---------------------------------------------------------------------------
 
 

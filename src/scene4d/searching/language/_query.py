@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from itertools import combinations
 
 from lark import Tree
 from lark.exceptions import UnexpectedEOF, UnexpectedInput, UnexpectedToken
@@ -20,7 +21,7 @@ from scene4d.searching.language._discourse import NOBODY, Discourse
 from scene4d.searching.language._either import Reading, either
 from scene4d.searching.language._grammar import Grammar, build_grammar
 from scene4d.searching.language._lexicon import Lexicon, Refusal
-from scene4d.searching.language._pieces import Piece
+from scene4d.searching.language._pieces import Piece, exclude
 from scene4d.searching.language._reading import read_tree
 from scene4d.searching.language._refusals import refusal_at
 from scene4d.searching.language._sentences import Clock, options_of
@@ -102,12 +103,13 @@ def _one(
     read, notes = read_tree(_parse(text, words, grammar, quick), text, grammar)
     sentences = sorted(options_of(read), key=lambda one: len(one.clocks))
     sentence = sentences[0]  # a time of day is that of the nearest words
-    if len(sentences) > 1:
+    if len({one.clocks for one in sentences}) > 1:
         notes.append("the time of day is taken of the words beside it; say it first for the event")
     discourse = Discourse(text, grammar.lexicon)
     piece = compose(sentence.order, discourse)
     if any(one.absent for one in discourse.people.values()) and len(piece.phases) > 1:
         raise refuse(text, 0, NOBODY)
+    _check_possible(piece, discourse)
     activity = _activity(piece, discourse, text, catalogue)
     check_activity(activity, PREDICATES)
     window = _window_of(sentence.clocks, discourse, notes)
@@ -116,6 +118,16 @@ def _one(
         terms += [f"{spot.name}: {term_text(term)}" for term in spot.activity.terms]
     notes = [*discourse.notes, *notes]
     return Reading(Query(text, activity, terms, window, notes), sentence)
+
+
+def _check_possible(piece: Piece, discourse: Discourse) -> None:
+    """Refuse what is never so at the same time."""
+    for phase in piece.phases:
+        for one, other in combinations(phase.terms, 2):
+            if exclude(one, other):
+                said = f"{term_text(one)} and {term_text(other)} are never so at the same time"
+                what = f'{said}; say what comes first, as in "A, then B"'
+                raise refuse(discourse.text, 0, what)
 
 
 def _joined(text: str, found: Sequence[Query]) -> Query:

@@ -339,11 +339,10 @@ class _Reader(ColourReader):
             " ".join(mark.words) for mark in all_of(children, Mark) if mark.name == "noun_word"
         ]
         word = words[0]
-        entries = [self._lexicon.noun(word) for word in words]
-        entry = entries[0]
-        assert entry is not None
-        kinds = {one.kind for one in entries if one is not None}
-        classes = [name for one in entries if one is not None for name in one.classes]
+        said = [(one, w) for w in words if (one := self._lexicon.noun(w)) is not None]
+        entry = said[0][0]
+        kinds = {one.kind for one, _ in said}
+        classes = [name for one, _ in said for name in one.classes]
         adjectives = all_of(children, Adjective)
         if entry.adjective:
             adjectives.append(self._lexicon.adjective(entry.adjective))
@@ -354,6 +353,9 @@ class _Reader(ColourReader):
             articles = {"none"}
         if word in entry.indefinite and not articles:
             articles = {"indefinite"}
+        if len(words) > 1 and (adjectives or any(w in one.none for one, w in said)):
+            what = f'"{self._text[slice(*span)]}": say each in full, as in "A stops or B stops"'
+            raise refuse(self._text, span[0], what)
         surface = self._text[slice(*span)].casefold()
         count = first_of(children, _Count) or _Count(1)
         return Noun(
