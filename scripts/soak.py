@@ -59,21 +59,28 @@ def answered_s(address: str, body: dict | None = None) -> float:
     return time.monotonic() - begun_s
 
 
-def newest(address: str, span_s: float = 10.0) -> str:
-    """The address of the last rows of the newest run."""
+def newest(address: str, span_s: float = 10.0) -> str | None:
+    """The address of the last rows of the newest run; None while nobody was tracked."""
     with urllib.request.urlopen(f"{address}api/scene", timeout=120) as reply:
-        run = json.load(reply)["runs"][-1]
-    return f"{address}api/runs/{run['number']}/rows?since_s={max(0.0, run['end_s'] - span_s)}"
+        runs = json.load(reply)["runs"]
+    if not runs:
+        return None
+    since_s = max(0.0, runs[-1]["end_s"] - span_s)
+    return f"{address}api/runs/{runs[-1]['number']}/rows?since_s={since_s}"
 
 
 def soak(scene: Path, watching: subprocess.Popen, seconds: float) -> list[dict[str, float]]:
-    """What was measured, in steps; ``serve`` begins when there is something to serve."""
-    serving, address = served(scene, watching)
+    """What was measured, in steps, from when somebody was tracked."""
+    serving, address = served(scene)
     try:
         measured, searched_s = [], -SEARCH_S
         begun_s = time.monotonic()
         while (now_s := time.monotonic() - begun_s) < seconds and watching.poll() is None:
-            step = {"scene": answered_s(f"{address}api/scene"), "rows": answered_s(newest(address))}
+            rows = newest(address)
+            if rows is None:
+                time.sleep(1.0)
+                continue
+            step = {"scene": answered_s(f"{address}api/scene"), "rows": answered_s(rows)}
             if now_s - searched_s >= SEARCH_S:
                 searched_s = now_s
                 step["search"] = answered_s(f"{address}api/search", {"words": SEARCH})
@@ -88,32 +95,15 @@ def soak(scene: Path, watching: subprocess.Popen, seconds: float) -> list[dict[s
         serving.communicate(timeout=60)
 
 
-def served(scene: Path, watching: subprocess.Popen) -> tuple[subprocess.Popen, str]:
-    """A server and its address, once somebody was seen: an empty scene is refused."""
-    until_s, said = time.monotonic() + 180, ""
-    while watching.poll() is None and time.monotonic() < until_s:
-        serving = program("serve", scene, "--port", 0)
-        said = serving.stderr.readline()
-        address = said.partition("serving at ")[2].partition(" ")[0]
-        if address and answers(address):
-            return serving, address
-        serving.kill()
-        serving.communicate(timeout=60)
-        time.sleep(1)
-    watching.kill()
-    raise SystemExit(f"soak: nothing to serve: {said}{watching.stderr.read()}")
-
-
-def answers(address: str) -> bool:
-    """Within half a minute: the address is told just before it is listened to."""
-    for _ in range(60):
-        try:
-            answered_s(f"{address}api/scene")
-        except OSError:
-            time.sleep(0.5)
-        else:
-            return True
-    return False
+def served(scene: Path) -> tuple[subprocess.Popen, str]:
+    """A server and its address; nobody needs to be tracked yet."""
+    scene.mkdir(exist_ok=True)
+    serving = program("serve", scene, "--port", 0)
+    said = serving.stderr.readline()
+    address = said.partition("serving at ")[2].partition(" ")[0]
+    if not address:
+        raise SystemExit(f"soak: nothing is served: {said}{serving.stderr.read()}")
+    return serving, address
 
 
 def thirds(measured: list[dict[str, float]]) -> dict[str, list[float]]:

@@ -8,6 +8,7 @@ import shutil
 import signal
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -20,8 +21,10 @@ from app.serving_tests import Running
 from finding_scenes import people, write_scene
 from scene4d.app import ServeOptions
 from scene4d.app._served import Served
+from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.searching.kept import kept_searches
+from scene4d.store.writing import SceneWriter
 from scene4d.video.reader import open_source
 from walks import CAMERA, FPS, SIZE, write_video
 
@@ -311,3 +314,41 @@ def test_the_served_page_searches_in_a_drawn_zone(opened, running):
         page.get_by_text("Tell me when it happens").click()
     expect(page.locator("#alerts-list")).to_contain_text("a person enters the zone bay")
     assert {url.partition("/api")[0].rstrip("/") for url in opened.asked} <= {running.url, "data:,"}
+
+
+def test_whoever_asks_is_answered_from_the_newest_manifests(request, tmp_path, monkeypatch):
+    """Also who listens to nothing: a stream soon removes the parts that it has replaced. A folder
+    that is still empty is served; one that holds something else is refused.
+    """
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "notes.txt").touch()
+    for name in ("other", "none"):
+        with pytest.raises(InputError, match="holds no scene"):
+            Served([tmp_path / name], None, None)
+    monkeypatch.setattr("scene4d.store.writing._KEPT_S", -1.0)
+    scene, rows = tmp_path / "scene", people()
+    scene.mkdir()
+    request.addfinalizer((one := Running(scene)).close)
+    moments = [tracks.select(tracks.time_s < 9) for tracks in rows]
+    calibration = Calibration.of_camera(CAMERA).to_dict()
+
+    def runs() -> list:
+        status, _, body = one.ask("GET", "/api/scene")
+        assert status == 200
+        return json.loads(body)["runs"]
+
+    assert runs() == []
+    status, said = one.post("/api/search", {"words": "two people meet"})
+    assert (status, "nobody was tracked" in said["error"]["message"]) == (400, True)
+    with SceneWriter(
+        scene, camera="gate", run="r", start_utc=None, camera_json=calibration, provenance={},
+        live=True,
+    ) as out:  # fmt: skip
+        for number, tracks in enumerate([*moments, *rows]):
+            out.write(replace(tracks, track=tracks.track + 10 * number))
+            out.commit(replace(moments[0], track=moments[0].track + 500))
+            (run,) = runs()
+            assert run["rows"] == out.run.rows
+            status, _, body = one.ask("GET", "/api/runs/0/rows")
+            assert (status, json.loads(body)["rows"]) == (200, out.run.rows)
+        assert one.post("/api/search", {"words": "two people meet"})[0] == 200

@@ -1,13 +1,17 @@
-"""A real ``scene4d watch`` beside the server: what it sees comes into the page by itself."""
+"""A real ``watch`` beside a real ``serve``: what it sees comes into the page by itself."""
 
+import json
+import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from urllib.request import urlopen
 
+import pytest
 from playwright.sync_api import expect
 
 from app.pages import violations
-from app.serving_tests import Running
 from finding_scenes import people, write_scene
 from scene4d.store.query import Scene
 from scene4d.store.status import Status
@@ -28,14 +32,35 @@ main()
 """The command with a detector that knows the answer: two people and a car."""
 
 
-def test_a_camera_that_is_watched_comes_into_the_page_by_itself(opened, tmp_path):
-    scene = write_scene(tmp_path / "scene", people(), provenance={"rate_hz": 10})
+@pytest.fixture
+def served(tmp_path) -> Iterator[str]:
+    """The address of ``scene4d serve`` of an empty folder, as soon as it is told."""
+    (tmp_path / "scene").mkdir()
+    words = ["serve", str(tmp_path / "scene"), "--port", "0"]
+    code = [sys.executable, "-c", "from scene4d.cli import main; main()"]
+    with subprocess.Popen([*code, *words], stderr=subprocess.PIPE, text=True) as serving:
+        try:
+            yield serving.stderr.readline().partition("serving at ")[2].split()[0]
+        finally:
+            serving.send_signal(signal.SIGINT)
+            serving.communicate(timeout=30)
+    assert serving.returncode in (0, 130)
+
+
+def test_a_camera_that_is_watched_comes_into_the_page_by_itself(opened, tmp_path, served):
+    """First the scene is empty; then it has one recorded camera, and then a watched one."""
+    with urlopen(f"{served}api/scene") as answer:  # accepted as soon as it is told
+        assert json.load(answer)["runs"] == []
+    page, scene = opened.page, tmp_path / "scene"
+    page.goto(served)
+    expect(page.locator("#live")).to_have_attribute("data-state", "connected")
+    expect(page.locator("#fleet-said")).to_contain_text("Nobody was tracked yet")
+    assert violations(page) == []
+    write_scene(scene, people(), provenance={"rate_hz": 10})
+    expect(page.locator("#run-choice option")).to_have_count(1)
     CAMERA.save(tmp_path / "camera.json")
     video = write_video(tmp_path / "yard.avi", seconds=6)
     words = ["--camera", "camera.json", "--out", str(scene), "--name", "yard", "--search"]
-    served = Running(scene)
-    page = opened.page
-    page.goto(f"{served.url}/")
     expect(page.locator("#live")).to_have_attribute("data-state", "connected")
     assert page.locator("#fleet-toggle").is_hidden()  # one camera
     places = [str(HERE / "tracking"), str(HERE), str(video), *words, "a person walks"]
@@ -63,4 +88,3 @@ def test_a_camera_that_is_watched_comes_into_the_page_by_itself(opened, tmp_path
     assert minutes > 0.9 * rows
     assert Status.load(scene, "yard").state == "ended"
     page.goto("about:blank")  # else it tries again, and complains that nobody answers
-    served.close()

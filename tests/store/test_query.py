@@ -16,6 +16,7 @@ from stored_scenes import CAMERA, NOON, assert_same, in_order, store, walk, writ
 
 from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
+from scene4d.store._parts import check_parts
 from scene4d.store.query import Scene
 from scene4d.store.schema import COLUMN_NAMES, RUN_TRACKS
 
@@ -135,6 +136,50 @@ def test_only_the_parts_that_can_answer_are_opened(tmp_path):
     assert len(scene.tracks(end=end)) == (late.time_s < end).sum() > 0
     with pytest.raises(InputError, match=others[0]["path"] + ": is not there"):
         scene.tracks(begin=first["end_s"])
+
+
+def test_a_stream_that_replaces_its_parts_is_read_on(tmp_path, monkeypatch):
+    """A part can go before it is looked at, and between that and its reading; a run that was
+    written anew is another one.
+    """
+    out = writer(tmp_path)
+    out._live = True
+    monkeypatch.setattr("scene4d.store.writing._KEPT_S", -1.0)
+
+    def grow(time_s):
+        out.write(walk(30, seed=int(time_s), start_s=time_s))
+        out.commit(walk(9, seed=9, start_s=1000.0))
+
+    def counted(scene):
+        return scene.sql("SELECT count(*) AS n FROM scene")["n"][0].as_py()
+
+    grow(0.0)
+    scene = Scene.open(tmp_path)
+    assert len(scene.tracks()) == 39
+    grow(100.0)
+    assert [len(scene.tracks()), len(scene), counted(scene)] == [69, 69, 69]
+    late = [200.0, 300.0]
+
+    def checked(*parts):
+        check_parts(*parts)
+        if late:
+            grow(late.pop(0))
+
+    monkeypatch.setattr("scene4d.store.query.check_parts", checked)
+    assert len(scene.only("r").tracks()) == 129
+    late = [400.0]
+    assert counted(scene) == 159
+    late = [500.0, 600.0, 700.0]
+    with pytest.raises(InputError, match="is not there; if run 'r' was written again"):
+        scene.tracks()
+    out.close()
+    assert len(scene.tracks()) == 30 * 8
+    monkeypatch.undo()
+    with writer(tmp_path) as anew:
+        anew._run = replace(anew.run, provenance={"weights": "others"})
+        anew.write(walk(20))
+    with pytest.raises(InputError, match="is not there; if run 'r' was written again"):
+        scene.tracks()
 
 
 def test_a_part_that_no_manifest_names_is_not_there(tmp_path):

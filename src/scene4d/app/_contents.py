@@ -122,12 +122,15 @@ def search_of(result: SearchResult) -> dict[str, Any]:
 
 
 def watched_events(folder: Path, run: Run) -> list[dict[str, Any]]:
-    """What ``watch`` told of a run, each event as told last, without those withdrawn."""
+    """What ``watch`` told of a run, each event as told last, without those withdrawn. A line that
+    does not end is being written, or was when ``watch`` was killed.
+    """
     path = folder / "events" / f"{file_name(run.run, 'run')}.jsonl"
     if not path.is_file():
         return []
     told: dict[str, dict[str, Any]] = {}
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    lines = path.read_bytes().split(b"\n")[:-1]
+    for number, line in enumerate((one.decode("utf-8", "replace") for one in lines), 1):
         event = told_event(line)
         if event is None:
             raise InputError(f"{path}: line {number}: no event: {quoted(line)}")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from scene4d.app._opened import Opened
-from scene4d.store.status import Status, status_path
+from scene4d.store.status import Status, status_path, watched_cameras
 
 _BEHIND_S = 2.0
 """An analysis whose newest frame is older is behind; less is the time of one look or two."""
@@ -39,7 +39,8 @@ def picture_of(opened: Opened, folders: Sequence[Path], camera: str) -> Path | N
 def _where(opened: Opened, folders: Sequence[Path]) -> dict[str, tuple[str, Sequence[Path]]]:
     """By their names on the page: cameras' names in their scenes, and these."""
     if opened.site is None:
-        return {name: (name, folders) for name in opened.cameras}
+        watched = (name for folder in folders for name in watched_cameras(folder))
+        return {name: (name, folders) for name in dict.fromkeys([*opened.cameras, *watched])}
     placed = {name: opened.site.placed(name) for name in opened.cameras}
     return {name: (one.name, [one.scene]) for name, one in placed.items()}
 

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 from scene4d.core.calibration import Calibration
-from scene4d.core.errors import InputError
 from scene4d.core.ground_regions import GroundRegion
 from scene4d.core.tracks import Tracks
 from scene4d.searching import opened as open_places
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
 from scene4d.store.site import RunClock, Site
+from scene4d.store.site_file import is_site
 
 _ROUNDING_S = 1e-6
 
@@ -33,17 +33,15 @@ class Shown:
 
 
 class Opened:
-    """The runs of scenes, or of a site. Raises :class:`InputError` as they do, and where nobody was
-    tracked.
+    """The runs of scenes, or of a site, in which somebody was tracked: in scenes that are
+    ``growing`` there may be none. Raises :class:`InputError` as :func:`opened_places`.
     """
 
-    def __init__(self, folders: Sequence[Path]) -> None:
-        self.whole = open_places(*folders)
+    def __init__(self, folders: Sequence[Path], *, growing: bool = False) -> None:
+        self.whole = opened_places(folders, growing=growing)
         site = self.whole if isinstance(self.whole, Site) else None
         self.site = site
         self.shown = _of_site(site) if site else _of_scene(self._scene)
-        if not self.shown:
-            raise InputError("nobody was tracked, so there is nothing to show")
 
     @property
     def _scene(self) -> Scene:
@@ -103,6 +101,13 @@ class Opened:
         """Cameras of a site whose place is not known, and why."""
         placements = {} if self.site is None else self.site.placements
         return {name: str(one.reason) for name, one in placements.items() if not one}
+
+
+def opened_places(folders: Sequence[Path], *, growing: bool) -> Scene | Site:
+    """As :func:`.searching.opened`; scenes that are ``growing`` may be empty."""
+    if growing and not any(map(is_site, folders)):
+        return Scene.growing(*folders)
+    return open_places(*folders)
 
 
 def _of_scene(scene: Scene) -> list[Shown]:

@@ -2,6 +2,7 @@
 
 import tempfile
 import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -42,12 +43,12 @@ class Served:
         self._lock = threading.Lock()
         self._viewing = threading.Lock()
         self._pieces = PieceStore()
-        self._made = tempfile.TemporaryDirectory(prefix="scene4d-")
         self._names: list[str] = []
         self._stamp: Any = None
         self._opened: Opened
         self._shown: dict[str, Shown] = {}
         self.refresh()
+        self._made = tempfile.TemporaryDirectory(prefix="scene4d-")
 
     def close(self) -> None:
         """Remove what was made for it."""
@@ -56,21 +57,29 @@ class Served:
     def refresh(self) -> list[dict[str, Any]]:
         """Read manifests that have changed; returns all runs in brief."""
         with self._lock:
-            stamp = self._manifests()
-            if stamp != self._stamp:
-                opened = Opened(self._folders)
-                shown = {_key(one): one for one in opened.shown}
-                self._names += [name for name in shown if name not in self._names]
-                self._opened, self._shown, self._stamp = opened, shown, stamp
+            self._current()
             return [run_of(one) for one in self._shown.values()]
+
+    def _current(self) -> Opened:
+        """What there is now; the caller holds the lock. A stream replaces what it published each
+        second, so whoever asks is answered from the newest manifests.
+        """
+        stamp = self._manifests()
+        if stamp != self._stamp:
+            opened = Opened(self._folders, growing=True)
+            shown = {_key(one): one for one in opened.shown}
+            self._names += [name for name in shown if name not in self._names]
+            self._opened, self._shown, self._stamp = opened, shown, stamp
+        return self._opened
 
     def _manifests(self) -> list[tuple[str, int, int]]:
         """Names, times and sizes of files that change with a run or a site."""
         found = []
         for folder in self._folders:
             for path in sorted([*(folder / "runs").glob("*.json"), *folder.glob("site.json")]):
-                about = path.stat()
-                found.append((str(path), about.st_mtime_ns, about.st_size))
+                with suppress(FileNotFoundError):  # removed since it was listed
+                    about = path.stat()
+                    found.append((str(path), about.st_mtime_ns, about.st_size))
         return found
 
     def page(self) -> str:
@@ -80,7 +89,7 @@ class Served:
     def contents(self) -> dict[str, Any]:
         """Cameras, runs and what was told of them, without rows."""
         with self._lock:
-            opened = self._opened
+            opened = self._current()
             numbered = [(n, self._shown.get(name)) for n, name in enumerate(self._names)]
         runs = [self._run(one) | {"number": n} for n, one in numbered if one is not None]
         said = contents(self._folders, opened, runs) | {"fleet": fleet_of(opened, self._folders)}
@@ -89,14 +98,14 @@ class Served:
     def fleet(self) -> list[dict[str, Any]]:
         """What each camera does now."""
         with self._lock:
-            opened = self._opened
+            opened = self._current()
         return fleet_of(opened, self._folders)
 
     def now(self, number: int) -> Path:
         """The newest small picture of a run's camera; raises :class:`LookupError`."""
         shown = self._named(number)
         with self._lock:
-            opened = self._opened
+            opened = self._current()
         path = picture_of(opened, self._folders, shown.camera)
         if path is None:
             raise LookupError(f"camera {shown.camera} is not watched")
@@ -114,6 +123,7 @@ class Served:
 
     def _named(self, number: int) -> Shown:
         with self._lock:
+            self._current()
             if not 0 <= number < len(self._names) or self._names[number] not in self._shown:
                 raise LookupError(f"no run {number}")
             return self._shown[self._names[number]]
@@ -127,7 +137,7 @@ class Served:
     def fused(self) -> dict[str, Any]:
         """Rows of everybody once; raises :class:`LookupError` where this is no site."""
         with self._lock:
-            tracks = self._opened.fused()
+            tracks = self._current().fused()
         if tracks is None:
             raise LookupError("cameras of scenes share no ground; align makes a site of them")
         return rows_of(tracks)
@@ -178,7 +188,7 @@ class Served:
         """
         shown, source = self._named(number), self._footage(number)
         with self._lock:
-            before, site = self._opened.own(shown), self._opened.site
+            before, site = self._current().own(shown), self._opened.site
         runs = (f for f in self._folders if site or manifest_path(f, shown.run.run).is_file())
         annotations = shown.run.provenance.get("annotations")
         values = {
@@ -201,7 +211,7 @@ class Served:
         if not self._zones.is_file():
             return {}
         with self._lock:
-            return places_json(read_places(self._zones, self._opened.cameras))
+            return places_json(read_places(self._zones, self._current().cameras))
 
     def save_places(self, said: dict[str, Any]) -> None:
         """Check zones and lines, and write their file; raises :class:`InputError`."""
@@ -212,7 +222,7 @@ class Served:
             probe = Path(folder) / "zones"
             write_json(probe, said)
             with self._lock:
-                cameras = self._opened.cameras
+                cameras = self._current().cameras
             try:
                 read_places(probe, cameras)
             except InputError as error:
@@ -226,7 +236,7 @@ class Served:
     def keep_alert(self, words: str) -> None:
         """Keep a search in the scenes; raises :class:`InputError` for what cannot stand there."""
         with self._lock:
-            if self._opened.site is not None:
+            if self._current().site is not None:
                 raise InputError("nobody watches a site; serve its scenes to keep a search there")
             for folder in self._folders:
                 keep_search(folder, words, self._opened.cameras)

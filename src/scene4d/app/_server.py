@@ -1,6 +1,7 @@
 """The server process: uvicorn, told what it serves so that it ends at once."""
 
 import socket
+from collections.abc import Callable
 
 import uvicorn
 from starlette.applications import Starlette
@@ -14,10 +15,14 @@ _ENDING_S = 3
 
 
 class Server(uvicorn.Server):
-    """Ends the connections that wait for what is new before it waits for all."""
+    """Calls ``ready`` once it accepts connections, and ends those that wait for what is new before
+    it waits for all.
+    """
 
-    def __init__(self, app: Starlette, served: Served) -> None:
-        self._served = served
+    def __init__(
+        self, app: Starlette, served: Served, ready: Callable[[], None] = lambda: None
+    ) -> None:
+        self._served, self._ready = served, ready
         super().__init__(
             uvicorn.Config(
                 app,
@@ -28,6 +33,12 @@ class Server(uvicorn.Server):
                 access_log=False,
             )
         )
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """See :class:`uvicorn.Server`."""
+        await super().startup(sockets)
+        if self.started:
+            self._ready()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """See :class:`uvicorn.Server`."""

@@ -34,9 +34,14 @@ def export(
 def _searched(
     folders: list[str], words: str, options: dict[str, Any], progress: Progress
 ) -> list[Any]:
-    from scene4d.searching import SearchOptions, answer, opened, understand_all
+    from scene4d.app._opened import opened_places
+    from scene4d.searching import SearchOptions, answer, understand_all
+    from scene4d.store.query import Scene
 
-    asked = understand_all(opened(*map(Path, folders)), words, SearchOptions(**options))
+    whole = opened_places([Path(one) for one in folders], growing=True)
+    if isinstance(whole, Scene) and not whole.classes:
+        raise InputError("nobody was tracked yet")
+    asked = understand_all(whole, words, SearchOptions(**options))
     return [answer(one, progress) for one in asked]
 
 

@@ -52,9 +52,10 @@ def serve(
     scenes: Sequence[str | os.PathLike[str]],
     options: ServeOptions | None = None,
     *,
-    ready: Callable[[str], None] | None = None,
+    ready: Callable[[str], None] = lambda address: None,
 ) -> None:
-    """Answer at ``http://host:port/`` until interrupted; ``ready`` is called with the address.
+    """Answer at ``http://host:port/`` until interrupted; ``ready`` is called with the address once
+    it accepts connections. A scene may still be empty: it fills while it is served.
 
     Raises :class:`InputError` for scenes that cannot be read and an address that is taken, and
     :class:`UnavailableError` without starlette and uvicorn.
@@ -65,11 +66,9 @@ def serve(
 
     with _socket(options) as taken:
         port = taken.getsockname()[1]
-        if ready is not None:
-            name = f"[{options.host}]" if ":" in options.host else options.host
-            ready(f"http://{name}:{port}/")
+        name = f"[{options.host}]" if ":" in options.host else options.host
         try:
-            Server(app, served).run(sockets=[taken])
+            Server(app, served, lambda: ready(f"http://{name}:{port}/")).run(sockets=[taken])
         finally:
             served.close()
 

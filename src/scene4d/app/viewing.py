@@ -65,6 +65,8 @@ def view(
     options, progress = options or ViewOptions(), progress or Silent()
     folders = [Path(one) for one in scenes]
     opened = Opened(folders)
+    if not opened.shown:
+        raise InputError("nobody was tracked, so there is nothing to show")
     if opened.rows > _MOST_ROWS:
         raise InputError(
             f"the scene has {opened.rows:,} rows, more than the {_MOST_ROWS:,} of a page; serve it"

@@ -4,7 +4,6 @@ The manifests decide which files are read: the parts of complete runs for the re
 time. So a query for one minute never loads a month of a busy camera.
 """
 
-import hashlib
 import os
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
@@ -24,6 +23,7 @@ from scene4d.core.files import read_json
 from scene4d.core.tables import data_frame
 from scene4d.core.text import quoted
 from scene4d.core.tracks import CLASSES, Tracks
+from scene4d.store._parts import GoneError, Parts, check_parts, check_parts_there, renewed
 from scene4d.store._question import (
     Question,
     Stored,
@@ -38,12 +38,11 @@ from scene4d.store._question import (
     with_nan,
 )
 from scene4d.store.runs import (
-    Part,
     Run,
     camera_identity,
     camera_path,
     complete_runs,
-    manifest_path,
+    has_begun,
 )
 from scene4d.store.schema import (
     COLUMN_NAMES,
@@ -89,21 +88,18 @@ class Scene:
         number. Raises :class:`InputError` if there is no scene, a scene has another version, all
         are empty, or one camera name has two calibrations.
         """
-        if not scenes:
-            raise InputError("no scene is given, expected at least one")
-        stored: list[Stored] = []
-        offset = 0
-        for one in scenes:
-            here = one._stored if isinstance(one, Scene) else _stored_in(Path(one))
-            stored += [replace(run, track_offset=run.track_offset + offset) for run in here]
-            offset += cls(here).numbers
-        folders = ", ".join(dict.fromkeys(str(run.folder) for run in stored))
-        if len({(run.folder.resolve(), run.run.run) for run in stored}) < len(stored):
-            raise InputError(f"{folders}: a folder is named twice")
+        stored = _stored_of(scenes)
         if not any(run.run.rows for run in stored):
+            folders = ", ".join(dict.fromkeys(str(run.folder) for run in stored))
             raise InputError(f"{folders}: the scene is empty: nobody was tracked")
-        _check_cameras(stored)
         return cls(stored)
+
+    @classmethod
+    def growing(cls, *scenes: str | os.PathLike[str]) -> "Scene":
+        """As :meth:`open`, of folders that may still fill: those that are empty, and those in which
+        a run has begun, are scenes too. Its rows can be asked for once there are any.
+        """
+        return cls(_stored_of(scenes, growing=True))
 
     @property
     def cameras(self) -> tuple[str, ...]:
@@ -126,7 +122,8 @@ class Scene:
     @property
     def numbers(self) -> int:
         """How many track numbers are reserved for the scene's runs."""
-        return max(one.track_offset + one.run.track_base for one in self._stored) + RUN_TRACKS
+        bases = (one.track_offset + one.run.track_base for one in self._stored)
+        return max(bases, default=-RUN_TRACKS) + RUN_TRACKS
 
     def only(self, *runs: str) -> "Scene":
         """A scene of one or more of the runs; raises :class:`InputError` for an unknown run."""
@@ -235,10 +232,12 @@ class Scene:
         rejects it.
         """
         _check_select(query)
-        parts = [(one, part) for one in self._stored for part in one.run.parts]
-        with self._asking(parts) as cursor:
+
+        def answer(cursor: Any, parts: Parts) -> Any:
             cursor.execute(f"CREATE OR REPLACE TEMP VIEW scene AS {source_of(parts)}")
-            return _in_utc(Table.from_arrow(cursor.sql(query)))
+            return cursor.sql(query)
+
+        return self._ask(lambda: _all_parts(self._stored), answer)
 
     def _answer(self, asked: Question, columns: str, order: str = "") -> Table:
         unknown = sorted(set(asked) - Question.__annotations__.keys())
@@ -254,18 +253,35 @@ class Scene:
             wanted: Any = asked.get(name)
             if wanted is not None:
                 check_there(wanted, there, what)
-        conditions = conditions_of(asked)
-        parts = self._parts(asked)
-        if not parts:  # any part gives the column types
-            parts = next([(one, part)] for one in self._stored for part in one.run.parts)
-            conditions.append("false")
-        where = " AND ".join(conditions) or "true"
-        query = f"SELECT {columns} FROM ({source_of(parts)}) WHERE {where} {order}"
-        with self._asking(parts) as cursor:
-            return _in_utc(Table.from_arrow(cursor.sql(query)))
+        where = " AND ".join(conditions_of(asked)) or "true"
 
-    def _parts(self, asked: Question) -> list[tuple[Stored, Part]]:
-        """The files that can contain matching rows."""
+        def answer(cursor: Any, parts: Parts) -> Any:
+            return cursor.sql(f"SELECT {columns} FROM ({source_of(parts)}) WHERE {where} {order}")
+
+        return self._ask(lambda: self._parts(asked), answer)
+
+    def _ask(self, parts_of: Callable[[], Parts], answer: Callable[[Any, Parts], Any]) -> Table:
+        """What DuckDB answers of the parts. A stream replaces its newest parts: where one is gone,
+        the newer manifest is read, and all of it asked again.
+        """
+        for more in (True, True, False):
+            parts = parts_of()
+            try:
+                with self._asking(parts) as cursor:
+                    return _in_utc(Table.from_arrow(answer(cursor, parts)))
+            except GoneError:
+                if not (more and self._renew()):
+                    raise
+        raise AssertionError
+
+    def _renew(self) -> bool:
+        """Take the newer manifests of streams; false if there are none."""
+        before = self._stored
+        self._stored = tuple(map(renewed, before))
+        return self._stored != before
+
+    def _parts(self, asked: Question) -> Parts:
+        """The files that can contain matching rows; any one where none can, for the types."""
         cameras, begin, end = asked.get("cameras"), asked.get("begin"), asked.get("end")
         stored = [one for one in self._stored if cameras is None or one.run.camera in cameras]
         if any(isinstance(moment, datetime) for moment in (begin, end)):
@@ -274,12 +290,8 @@ class Scene:
                 raise InputError(
                     "begin, end: when the footage began is not known; ask in seconds from its start"
                 )
-        return [
-            (one, part)
-            for one in stored
-            for part in one.run.parts
-            if reaches(one.run, part, begin, end)
-        ]
+        found = [(o, part) for o, part in _all_parts(stored) if reaches(o.run, part, begin, end)]
+        return found or _all_parts(self._stored)[:1]
 
     @cached_property
     def _connection(self) -> Any:
@@ -301,20 +313,15 @@ class Scene:
         return set() if self._part_of is None else self._part_of._verified
 
     @contextmanager
-    def _asking(self, parts: Sequence[tuple[Stored, Part]]) -> Iterator[Any]:
+    def _asking(self, parts: Parts) -> Iterator[Any]:
         import duckdb
 
-        written_ns: dict[Path, int] = {}
-        for one, part in parts:
-            manifest, path = manifest_path(one.folder, one.run.run), one.folder / part.path
-            if manifest not in written_ns:
-                written_ns[manifest] = _written_ns(manifest)
-            _check_part(path, one.run, part, written_ns[manifest], known=path in self._verified)
-            self._verified.add(path)
+        check_parts(parts, self._verified)
         try:
             with self._connection.cursor() as cursor:
                 yield cursor
         except (duckdb.Error, RuntimeError) as error:  # the latter if reading stops midway
+            check_parts_there(parts)
             self._check_readable(one.folder / part.path for one, part in parts)
             folders = ", ".join(dict.fromkeys(str(one.folder) for one, _ in parts))
             raise InputError(f"{folders}: query: {error}") from error
@@ -346,11 +353,33 @@ def _check_select(query: str) -> None:
         raise InputError(f"query: found {quoted(query)}, expected one SELECT")
 
 
-def _stored_in(folder: Path) -> list[Stored]:
+def _stored_of(
+    scenes: "Sequence[str | os.PathLike[str] | Scene]", *, growing: bool = False
+) -> list[Stored]:
+    if not scenes:
+        raise InputError("no scene is given, expected at least one")
+    stored: list[Stored] = []
+    offset = 0
+    for one in scenes:
+        here = one._stored if isinstance(one, Scene) else _stored_in(Path(one), growing=growing)
+        stored += [replace(run, track_offset=run.track_offset + offset) for run in here]
+        offset += Scene(here).numbers
+    if len({(run.folder.resolve(), run.run.run) for run in stored}) < len(stored):
+        folders = ", ".join(dict.fromkeys(str(run.folder) for run in stored))
+        raise InputError(f"{folders}: a folder is named twice")
+    _check_cameras(stored)
+    return stored
+
+
+def _stored_in(folder: Path, *, growing: bool) -> list[Stored]:
     runs = complete_runs(folder)
-    if not runs:
+    if not (runs or (growing and has_begun(folder))):
         raise InputError(f"{folder}: holds no scene: no complete run in its folder runs/")
     return [Stored(folder, run, 0) for run in runs]
+
+
+def _all_parts(stored: Sequence[Stored]) -> Parts:
+    return [(one, part) for one in stored for part in one.run.parts]
 
 
 def _check_cameras(stored: Sequence[Stored]) -> None:
@@ -364,43 +393,6 @@ def _check_cameras(stored: Sequence[Stored]) -> None:
                 f"{path}: camera {one.run.camera!r} has another calibration in {first}; open these "
                 "folders separately"
             )
-
-
-def _written_ns(manifest: Path) -> int:
-    """When a manifest was written; 0 if that is not known."""
-    try:
-        return manifest.stat().st_mtime_ns
-    except OSError:
-        return 0
-
-
-def _check_part(path: Path, run: Run, part: Part, written_ns: int, *, known: bool) -> None:
-    """Raise :class:`InputError` if a part is missing, unreadable or changed. Its content is checked
-    unless it is ``known`` to be right, or older than the manifest, which is written after it.
-    """
-    try:
-        there = path.stat()
-        found, digest = there.st_size, part.sha256
-        older = there.st_mtime_ns < written_ns
-        if not (known or older) and found == part.bytes and digest is not None:
-            with path.open("rb") as file:
-                digest = hashlib.file_digest(file, "sha256").hexdigest()
-    except FileNotFoundError as error:
-        raise InputError(
-            f"{path}: is not there; if run {run.run!r} was written again meanwhile, open the scene "
-            "again"
-        ) from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-    if found != part.bytes:
-        raise InputError(
-            f"{path}: is damaged: has {found} bytes, run {run.run!r} wrote {part.bytes}; track "
-            "again"
-        )
-    if digest != part.sha256:
-        raise InputError(
-            f"{path}: is damaged: its content is not what run {run.run!r} wrote; track again"
-        )
 
 
 def _in_utc(table: Table) -> Table:

@@ -207,5 +207,13 @@ def complete_runs(folder: Path) -> tuple[Run, ...]:
     return tuple(sorted((Run.load(path) for path in paths), key=lambda run: run.track_base))
 
 
+def has_begun(folder: Path) -> bool:
+    """Whether a folder without a complete run may become a scene: it is empty, or somebody writes
+    there.
+    """
+    begun = any((folder / name).is_dir() for name in ("runs", "status", "alerts"))
+    return begun or (folder.is_dir() and not any(folder.iterdir()))
+
+
 def _iso(ns: int) -> str:
     return f"{np.datetime64(ns, 'ns')}Z"

@@ -74,6 +74,12 @@ class Status:
         )
 
 
+def watched_cameras(scene: Path) -> list[str]:
+    """The cameras that are or were watched, whoever was there; raises as :meth:`Status.load`."""
+    files = sorted((scene / "status").glob("*.json"))
+    return [JsonObject.read(path, STATUS_SCHEMA).text("camera") for path in files]
+
+
 def status_path(scene: Path, camera: str, ending: str = "json") -> Path:
     """Where the status of a camera is, or with ``jpg`` its picture."""
     return scene / "status" / f"{file_name(camera, 'camera')}.{ending}"

@@ -11,6 +11,7 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.progress import Advance, Progress, Silent
+from scene4d.core.staging import ensure_folder
 from scene4d.tracking._options import Job, TrackOptions, TrackRun
 from scene4d.tracking._running import (
     calibrated,
@@ -127,6 +128,7 @@ def watch(
     calibration, described, background = calibrated(camera)
     live = LiveSource(source, tracking.rate_hz, give_up_s=options.give_up_s)
     check_size(live, calibration)
+    ensure_folder(out)  # whoever serves the scene finds it while networks are loaded
     name = tracking.name or shown_name(source)
     run = WatchRun(Path(out), name, "")
     job = Job(calibration, described, background, tracking, run, progress or Silent())

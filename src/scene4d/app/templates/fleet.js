@@ -38,10 +38,11 @@ const runsOf = (camera) => world.runs.filter((one) => one.said.camera === camera
 
 function showFleet() {
   const { fleet } = world.data;
-  $("fleet-toggle").hidden = fleet.length < 2;
+  $("fleet-toggle").hidden = fleet.length < 2 || !world.runs.length;
   if (!state.fleet) return;
   const counts = Object.entries(STATES).map(([name, text]) => [fleet.filter((one) => one.state === name).length, text.replace(/ (by|for)$/, "")]);
-  $("fleet-said").textContent = `${fleet.length} cameras: ${counts.filter(([n]) => n).map((pair) => pair.join(" ")).join(", ")}${world.data.api ? "" : ", when this page was made"}`;
+  const nobody = world.runs.length ? "" : "Nobody was tracked yet; this page fills by itself. ";
+  $("fleet-said").textContent = `${nobody}${fleet.length} cameras: ${counts.filter(([n]) => n).map((pair) => pair.join(" ")).join(", ")}${world.data.api ? "" : ", when this page was made"}`;
   for (const said of fleet) {
     if (!tiles.has(said.camera)) tiles.set(said.camera, newTile(said));
     showTile(tiles.get(said.camera), said);
@@ -52,7 +53,7 @@ function newTile({ camera }) {
   const part = (name, kind = "span") => element(kind, { class: name });
   const tile = { camera, canvas: element("canvas", { width: THUMB[0], height: THUMB[1], "aria-hidden": "true" }), state: part("state"), rates: part("soft figure"), seen: part("soft figure"), why: part("why soft small") };
   const inside = [tile.canvas, element("span", { class: "name" }, camera), tile.state, tile.rates, tile.seen, tile.why];
-  tile.box = element(runsOf(camera).length ? "button" : "div", { class: "tile", "data-camera": camera, onclick: () => choose(camera) }, ...inside);
+  tile.box = element("button", { class: "tile", "data-camera": camera, onclick: () => choose(camera) }, ...inside);
   $("fleet-list").append(element("li", {}, tile.box));
   return tile;
 }
@@ -65,7 +66,8 @@ function showTile(tile, said) {
   const now = STATES[said.state] + (said.for_s === undefined ? "" : ` ${said.for_s} s`);
   const dropped = said.dropped >= DROPPED ? `${Math.round(100 * said.dropped)} % of frames dropped` : "";
   const shown = [now, [said.reason, dropped].filter(Boolean).join("; "), ...(last ? figures(runs, last, said.state) : ["nobody seen", ""])];
-  tile.box.setAttribute("aria-current", String(last === run()));
+  tile.box.disabled = !last;
+  tile.box.setAttribute("aria-current", String(Boolean(last) && last === run()));
   if (tile.shown !== shown.join("\n")) {
     tile.shown = shown.join("\n");
     tile.state.textContent = now;
@@ -133,7 +135,7 @@ function choose(camera) {
 
 // Arrow keys go from camera to camera.
 function walk(event) {
-  const all = [...$("fleet-list").querySelectorAll("button")];
+  const all = [...$("fleet-list").querySelectorAll("button:enabled")];
   const at = all.indexOf(document.activeElement);
   const across = all.filter((one) => one.offsetTop === all[0].offsetTop).length;
   const move = { ArrowLeft: -1, ArrowRight: 1, ArrowUp: -across, ArrowDown: across }[event.key];

@@ -32,7 +32,10 @@ export function startLive() {
     tell("fleet");
   });
   source.addEventListener("alert", (event) => alerted(JSON.parse(event.data)));
-  source.onopen = () => ($("live").dataset.state = "connected");
+  source.onopen = () => {
+    $("live").dataset.state = "connected";
+    if (!world.runs.length) begun();
+  };
   source.onerror = () => ($("live").dataset.state = "lost");
   $("live").hidden = false;
 }
@@ -56,11 +59,12 @@ async function grown(said) {
   }
 }
 
-// A run that began after the page was opened.
+// A run that began after the page was opened; the first one makes another page of it.
 async function begun(said) {
   const answer = await fetch(`${world.data.api}/scene`);
   if (!answer.ok) return;
   const { cameras, runs } = await answer.json();
+  if (!world.runs.length) return void (runs.length && location.reload());
   for (const one of runs.filter((each) => !world.runs.some((known) => isOf(known.said, each)))) {
     addRun(one, cameras[one.camera]);
   }

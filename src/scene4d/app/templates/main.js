@@ -67,9 +67,19 @@ export function standTogether(said) {
   draw();
 }
 
+// Nobody was tracked yet: the cameras that are watched, until somebody is.
+function beginEmpty() {
+  document.body.dataset.empty = "true";
+  startTheme();
+  startFleet();
+  set("fleet", true, "fleet-shown");
+  startLive();
+}
+
 function begin() {
   world.data = JSON.parse($("data").textContent);
   world.searches = world.data.searches || [];
+  if (!world.data.runs.length) return beginEmpty();
   world.places = readPlaces(world.data.places);
   world.marks = [];
   world.data.runs.forEach((said) => addRun(said, world.data.cameras[said.camera]));
