@@ -67,8 +67,7 @@ def once(target: Any = None, *, typechecker: Callable) -> Any:
 
 def _once(function: Callable, typechecker: Callable) -> Callable:
     passed = _PASSED[function.__module__, function.__qualname__, function.__code__]
-    checked = functools.cache(lambda: _checked(function, typechecker))
-    again = functools.cache(lambda: _again(function, typechecker))
+    checked = functools.cache(lambda: _Checked(function, typechecker))
     words = "Literal" in repr(inspect.get_annotations(function))
 
     @functools.wraps(function)
@@ -78,7 +77,7 @@ def _once(function: Callable, typechecker: Callable) -> Callable:
         kind = _kind_of((args, *kwargs.values()), words)
         given = None if kind is None else (kind, *kwargs)
         if given not in passed:
-            result = checked()(*args, **kwargs)
+            result = checked().call(args, kwargs)
             returned = _kind_of(result, words)
             if given is not None and returned is not None:
                 passed.update((given, (given, returned)))
@@ -86,18 +85,42 @@ def _once(function: Callable, typechecker: Callable) -> Callable:
         result = function(*args, **kwargs)
         returned = _kind_of(result, words)
         if (given, returned) not in passed:
-            again()(result, args, kwargs)
+            checked().returned(result, args, kwargs)
             passed.add((given, returned)) if returned is not None else passed.discard(given)
         return result
 
     return call
 
 
-def _checked(function: Callable, typechecker: Callable) -> Callable:
-    """Where no annotation has a shape to compare, jaxtyping adds nothing but time."""
-    if any(map(_shaped, inspect.get_annotations(function).values())):
-        return _jaxtyped(function, typechecker=typechecker)
-    return typechecker(function)
+class _Checked:
+    """A function with its checks, which take milliseconds to make: calls, and results of calls."""
+
+    def __init__(self, function: Callable, typechecker: Callable) -> None:
+        held = self._held = threading.local()
+
+        def either(*args: object, **kwargs: object) -> object:
+            there = vars(held)
+            return there.pop("result") if there else function(*args, **kwargs)
+
+        # One code object here, many functions: the checker reads names and annotations of its own.
+        here = FunctionType(either.__code__, function.__globals__, closure=either.__closure__)
+        here = functools.update_wrapper(here, function)
+        if any(map(_shaped, inspect.get_annotations(function).values())):
+            self._checked = _jaxtyped(here, typechecker=typechecker)
+        else:  # jaxtyping would add nothing but time
+            self._checked = typechecker(here)
+
+    def call(self, args: tuple, kwargs: dict) -> object:
+        """Call the function, checked."""
+        return self._checked(*args, **kwargs)
+
+    def returned(self, result: object, args: tuple, kwargs: dict) -> None:
+        """Check a call whose result is there already."""
+        self._held.result = result
+        try:
+            self._checked(*args, **kwargs)
+        finally:
+            vars(self._held).clear()
 
 
 def _shaped(hint: Any) -> bool:
@@ -109,28 +132,6 @@ def _shaped(hint: Any) -> bool:
     if isinstance(hint, type) and issubclass(hint, jaxtyping.AbstractArray):
         return True
     return get_origin(hint) is not Literal and any(map(_shaped, get_args(hint)))
-
-
-def _again(function: Callable, typechecker: Callable) -> Callable:
-    """Checks calls whose results are there already: of a function with the same signature and
-    names, which is made once, for that takes a millisecond.
-    """
-    held = threading.local()
-
-    def returned(*_: object, **__: object) -> object:
-        return held.result
-
-    here = FunctionType(returned.__code__, function.__globals__, closure=returned.__closure__)
-    checked = _checked(functools.update_wrapper(here, function), typechecker)
-
-    def check(result: object, args: tuple, kwargs: dict) -> None:
-        held.result = result
-        try:
-            checked(*args, **kwargs)
-        finally:
-            del held.result
-
-    return check
 
 
 def _kind_of(value: Any, words: bool) -> Hashable:

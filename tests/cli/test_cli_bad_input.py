@@ -187,7 +187,9 @@ def test_a_full_disk_leaves_the_earlier_result_as_it_was(run, spawn, known, tmp_
     def small_files() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, ((figure + page) // 2, (figure + page) // 2))
 
-    done = spawn([*known, "--person-height", "1.8", "--out", out], preexec_fn=small_files)
+    arguments = [*known, "--person-height", "1.8", "--out", out]
+    # Python would keep modules cut off at that size, and every later test would read them.
+    done = spawn(arguments, preexec_fn=small_files, env={"PYTHONDONTWRITEBYTECODE": "1"})
     assert done.returncode == 1
     told = [line for line in done.stderr.splitlines() if not line.endswith(" ...")]
     assert len(told) == 1 and "report.html: cannot be written: File too large" in told[0]

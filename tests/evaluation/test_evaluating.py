@@ -114,11 +114,16 @@ def test_footage_of_your_own_is_held_against_its_true_camera(footage, monkeypatc
     CAMERA.scaled_to((SIZE[0] // 2, SIZE[1] // 2)).save(tmp_path / "half.json")
     monkeypatch.setattr(cameras, "_watched", lambda *_: footage)
     monkeypatch.setattr(cameras, "person_segments", methods.person_segments)
-    monkeypatch.setattr(cameras, "HEIGHTS_M", (1.7,))
+    monkeypatch.setattr(cameras, "HEIGHTS_M", (1.7, 1.8))
     options, source = EvaluateOptions(), tmp_path / "one.png"
     found = evaluate_footage(source, tmp_path / "half.json", options, Silent())
     np.testing.assert_allclose(found.reference.camera.P, CAMERA.P, rtol=1e-6)
     assert found.reference.image_size == SIZE and found.reference.n_points == 12
     by_lens = [o for o in found.outcomes if o.setting.given == "lens" and o.score is not None]
-    assert by_lens and all(o.score.error.mean_m < 2 * o.score.predicted_m for o in by_lens)
+    assert {o.calibration.person_height_m for o in by_lens} == {1.7, 1.8}
+    assert all(
+        o.score.error.mean_m < 2 * o.score.predicted_m
+        for o in by_lens
+        if o.calibration.person_height_m == 1.7
+    )
     assert "the feet of the people seen" in found.notes[0]
