@@ -116,7 +116,9 @@ def rows_of(result) -> list[dict]:
 
 
 def pick(rows: list[dict], footage: str, method: str, given: str) -> dict:
-    (row,) = [r for r in rows if (r["footage"], r["method"], r["given"]) == (footage, method, given)]
+    (row,) = [
+        r for r in rows if (r["footage"], r["method"], r["given"]) == (footage, method, given)
+    ]
     return row
 
 
