@@ -92,7 +92,7 @@ def test_every_promised_option_is_there_and_explained(run, command):
 def test_the_commands_of_the_pages_name_what_exists(page):
     blocks = re.findall(r"^```(?:sh|bash)?\n(.*?)^```", page.read_text(), re.DOTALL | re.MULTILINE)
     joined = re.sub(r"\\\n\s*", "", "\n".join(blocks))
-    for line in re.findall(r"^(?:\S*/)?scene4d (.*)$", joined, re.MULTILINE):
+    for line in re.findall(r"^(?:\S*/|docker run .* )?scene4d (.*)$", joined, re.MULTILINE):
         words = shlex.split(re.sub(r" {4,}.*", "", line), comments=True)
         names = [name for name in PROMISED if words[: len(name.split())] == name.split()]
         assert names or words == ["--version", "--json"], line
@@ -100,15 +100,23 @@ def test_the_commands_of_the_pages_name_what_exists(page):
         assert not names or options <= options_of(names[-1]), line
 
 
+def parsed(words: list[str]) -> None:
+    """Raises for words that the command line does not take."""
+    name, *rest = words
+    command_of(name).make_context(name, rest)
+
+
 def test_the_services_run_commands_that_exist_with_few_rights():
     services = yaml.safe_load((ROOT / "container" / "compose.yaml").read_text())["services"]
     for name in ("watch", "serve"):
         command = services[name]["command"]
         assert command[0] == name
-        assert {word for word in command if word.startswith("--")} <= options_of(name)
+        parsed([re.sub(r"\$\{.*\}", "rtsp://gate/live", word) for word in command])
         assert services[name]["read_only"] and services[name]["cap_drop"] == ["ALL"]
     lines = (ROOT / "container" / "Dockerfile").read_text().splitlines()
     assert lines.index("USER scene4d") < lines.index('ENTRYPOINT ["scene4d"]')
+    entry = lines.index('ENTRYPOINT ["scene4d"]')
+    assert json.loads(lines[entry + 1].removeprefix("CMD ")) == ["--help"]
     copied = [word for line in lines if line.startswith("COPY p") for word in line.split()[1:-1]]
     assert copied and all((ROOT / word).exists() for word in copied)
 

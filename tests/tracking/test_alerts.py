@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 from typing import ClassVar
 
 import pytest
@@ -68,6 +69,33 @@ def test_what_cannot_be_delivered_waits_in_the_scene_and_goes_out_after_a_restar
     with Alerts([target], scene, "gate"):
         pass
     assert taken(file) == ["a1", "a2", "a3"], "each is sent once"
+
+
+def test_alerts_stay_apart_and_in_order_whatever_the_clock_does(tmp_path, monkeypatch):
+    """It stands still, and after a restart it is an hour back. One that somebody takes away holds
+    up no other.
+    """
+    scene, clock, heard, there = tmp_path / "scene", [10**18], [], threading.Event()
+
+    def send(content):
+        if not there.is_set():
+            raise ConnectionRefusedError
+        heard.append(json.loads(content)["id"])
+
+    target = SimpleNamespace(name="somebody", send=send, close=lambda: None)
+    monkeypatch.setattr(alerts, "target_of", lambda said: target)
+    monkeypatch.setattr(time, "time_ns", lambda: clock[0])
+    with Alerts(["somebody"], scene, "gate") as first:
+        for number in range(4):
+            first.put(EVENT | {"id": f"a{number}"})
+    clock[0] -= 3600 * 10**9
+    with Alerts(["somebody"], scene, "gate") as second:
+        second.put(EVENT | {"id": "a4"})
+        assert waiting(scene) == ["a0", "a1", "a2", "a3", "a4"]
+        sorted(scene.rglob("*.json"))[1].unlink()
+        there.set()
+    assert heard == ["a0", "a2", "a3", "a4"]
+    assert waiting(scene) == [] and not second.warnings
 
 
 def test_it_is_tried_again_and_told_once(tmp_path, caplog):

@@ -4,6 +4,8 @@ What is to be sent lies in the scene, one file each, until it was taken:
 
     SCENE/alerts/CAMERA/TARGET/00001763689012345678901.json
 
+The number is a time in nanoseconds, or one more than that before it: alerts keep their order, and
+none takes the place of another, also where the clock stands still or is set back.
 So an alert that could not be delivered is delivered after a restart, and one that was is not sent
 again. Only if the process dies between a delivery and the removal of its file is it sent twice,
 with the same ``id``. TARGET is a hash: addresses hold passwords.
@@ -83,6 +85,7 @@ class _Outbox:
         self._folder = folder / hashlib.sha256(said.encode()).hexdigest()[:12]
         self._lock = FileLock(self._folder / ".lock", timeout=0)
         self._waiting: deque[Path] = deque()
+        self._number = 0
         self._news = threading.Condition()
         self._until_s: float | None = None
         self.sent = self.lost = 0
@@ -104,10 +107,14 @@ class _Outbox:
             self._waiting.extend(sorted(self._folder.glob("*.json")))
         except Timeout:  # another process watches this camera, and sends its own
             pass
+        if self._waiting and self._waiting[-1].stem.isdecimal():
+            self._number = int(self._waiting[-1].stem)
         self._thread.start()
 
     def put(self, event: dict[str, Any]) -> None:
-        path = self._folder / f"{time.time_ns():020d}.json"
+        self._number = max(time.time_ns(), self._number + 1)
+        while (path := self._folder / f"{self._number:020d}.json").exists():
+            self._number += 1
         write_bytes(path, json.dumps(event, allow_nan=False).encode())
         with self._news:
             self._waiting.append(path)
@@ -129,7 +136,12 @@ class _Outbox:
         while (path := self._next(wait_s)) is not None:
             closing = self._until_s is not None
             try:
-                self._target.send(path.read_bytes())
+                content = path.read_bytes()
+            except FileNotFoundError:  # dropped, or taken away by hand
+                self._forget(path)
+                continue
+            try:
+                self._target.send(content)
             except Exception as error:  # whatever a library raises: the alert waits
                 if not wait_s:
                     _LOG.warning("%s: an alert cannot be delivered: %s", self._target.name, error)
@@ -141,11 +153,14 @@ class _Outbox:
                 _LOG.warning("%s: alerts are delivered again", self._target.name)
             wait_s = 0.0
             self.sent += 1
-            with self._news:
-                if path in self._waiting:
-                    self._waiting.remove(path)
-            path.unlink(missing_ok=True)
+            self._forget(path)
         self._target.close()
+
+    def _forget(self, path: Path) -> None:
+        with self._news:
+            if path in self._waiting:
+                self._waiting.remove(path)
+        path.unlink(missing_ok=True)
 
     def _next(self, wait_s: float) -> Path | None:
         """The oldest alert, ``wait_s`` from now; None at the end."""
