@@ -15,6 +15,7 @@ from scene4d.cli.command import usage_envelope
 from scene4d.cli.demo import demo
 from scene4d.cli.evaluate import evaluate
 from scene4d.cli.export import export
+from scene4d.cli.fleet import fleet
 from scene4d.cli.models import models
 from scene4d.cli.orientation import orientation
 from scene4d.cli.output import emit, emit_json, say
@@ -92,7 +93,7 @@ def scene4d(
 
 
 for _command in (
-    *(calibrate, orientation, track, watch, align),
+    *(calibrate, orientation, track, watch, align, fleet),
     *(search, activities, view, serve, export, models, demo),
 ):
     app.command(help=reflowed(_command.__doc__))(_command)

@@ -1,0 +1,189 @@
+"""What a worker does: one task, from the store into the store. The rooms below do the work."""
+
+import errno
+import io
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from scene4d.core.errors import InputError, OutputError, Scene4DError, UnavailableError
+from scene4d.core.files import write_bytes, write_json
+from scene4d.core.progress import Silent
+from scene4d.fleet._store import Store
+from scene4d.fleet._tasks import Job
+
+EVENTS = "events.parquet"
+_CAMERA = "camera.json"
+_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS})
+_HERE = frozenset({OutputError.kind, UnavailableError.kind})
+"""Kinds of failures that are not the clip's: the machine lacks something."""
+KILLED = "killed"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a task ended: seconds it took and seconds of processor time, how much footage it went
+    through, and why it failed, if it did.
+    """
+
+    wall_s: float = 0.0
+    cpu_s: float = 0.0
+    footage_s: float = 0.0
+    kind: str | None = None
+    reason: str | None = None
+
+    @property
+    def ends_all(self) -> bool:
+        """Whether the next clip would fail likewise, as on a full disk."""
+        return self.kind in _HERE
+
+
+Work = Callable[[Job, str], Outcome]
+"""A job and the store's address."""
+
+
+def work(job: Job, address: str) -> Outcome:
+    """Do a task: stage the result on this machine, put it into the store, and mark it as done."""
+    wall_s, cpu_s = time.perf_counter(), time.process_time()
+    footage_s, kind, reason = 0.0, None, None
+    try:
+        store = Store(address)
+        with tempfile.TemporaryDirectory(prefix="scene4d-fleet-") as name:
+            out = Path(name) / "out"
+            out.mkdir()
+            footage_s = _STAGES[job.task.stage](job, store, Path(name), out)
+            store.put(out, job.path)
+        store.write(f"done/{job.key}", said_of(job) | {"path": job.path, "footage_s": footage_s})
+    except Exception as error:  # a defect costs its clip, and no other
+        kind, reason = _kind_of(error), " ".join(str(error).split())
+        if not isinstance(error, Scene4DError):
+            reason = f"{type(error).__name__}: {reason}"
+    return Outcome(
+        time.perf_counter() - wall_s, time.process_time() - cpu_s, footage_s, kind, reason
+    )
+
+
+def said_of(job: Job) -> dict[str, Any]:
+    """What the store says of a task, done or not."""
+    task = job.task
+    return {
+        "key": job.key,
+        "stage": task.stage,
+        "camera": task.camera,
+        "clip": None if task.clip is None else str(task.clip),
+        "words": task.words or None,
+        "needs": [need.key for need in job.needs],
+    }
+
+
+def _kind_of(error: Exception) -> str:
+    if isinstance(error, Scene4DError):
+        return error.kind
+    full = isinstance(error, OSError) and error.errno in _FULL
+    return OutputError.kind if full else "defect"
+
+
+def _calibrate(job: Job, store: Store, scratch: Path, out: Path) -> float:
+    from scene4d.calibration.calibrating import run
+    from scene4d.calibration.writing import write
+
+    task = job.task
+    clip = _clip(job)
+    options = replace(task.options, annotations=clip) if task.boxes else task.options
+    result = run(None if task.boxes else clip, options, Silent(), command="scene4d fleet")
+    if not result.calibration:
+        raise InputError(f"the camera is undetermined: {result.calibration.reason}")
+    write(result, out, progress=Silent())
+    return 0.0
+
+
+def _track(job: Job, store: Store, scratch: Path, out: Path) -> float:
+    from scene4d.tracking import track
+
+    task, clip = job.task, _clip(job)
+    camera = task.calibration
+    if camera is None:
+        camera = store.fetched(job.needs[0].path, scratch) / _CAMERA
+    options = replace(
+        task.options,
+        name=task.camera,
+        start=task.begins,
+        annotations=clip if task.boxes else None,
+    )
+    run = track(None if task.boxes else clip, camera, out, options)
+    shutil.rmtree(out / "detections", ignore_errors=True)  # the log is for runs that go on
+    if task.boxes:
+        return run.end_s - run.begin_s if run.rows else 0.0
+    from scene4d.video.reader import open_source
+
+    with open_source(clip) as footage:
+        return footage.duration_s or 0.0
+
+
+def _align(job: Job, store: Store, scratch: Path, out: Path) -> float:
+    from scene4d.alignment import align
+    from scene4d.store.joining import join
+    from scene4d.store.runs import complete_runs, file_name
+
+    cameras: dict[str, list[Path]] = {}
+    for need in job.needs:
+        cameras.setdefault(need.camera, []).append(store.fetched(need.path, scratch))
+    scenes = [
+        join(folders, out / "scenes" / file_name(camera, "camera"))
+        for camera, folders in cameras.items()
+        if any(run.rows for folder in folders for run in complete_runs(folder))
+    ]
+    found = align(scenes, out / "site", job.task.options)
+    if not found:
+        raise InputError(f"the site is undetermined: {found.reason}")
+    return 0.0
+
+
+def _search(job: Job, store: Store, scratch: Path, out: Path) -> float:
+    from arro3.io import write_parquet
+
+    from scene4d.searching import search
+    from scene4d.searching.activities.catalogue import load_catalogue
+    from scene4d.searching.language import parse_query
+    from scene4d.store.runs import complete_runs
+
+    options = job.task.options
+    folders = [store.fetched(need.path, scratch) for need in job.needs]
+    runs = [run for folder in folders for run in complete_runs(folder)]
+    said = {"words": job.task.words, "runs": len(runs), "events": 0}
+    activity = parse_query(job.task.words, load_catalogue(*options.catalogues)).activity
+    # Where nobody of the kind was ever tracked, nothing is found; alone it would be an error.
+    if any(run.rows and activity.playable_by(run.classes) for run in runs):
+        found = search(folders, job.task.words, options)
+        table = io.BytesIO()
+        write_parquet(found.to_arrow(), table)
+        write_bytes(out / EVENTS, table.getvalue())
+        said["events"] = len(found)
+    write_json(out / "search.json", said)
+    return 0.0
+
+
+def _clip(job: Job) -> Path:
+    """The clip, which must be on this machine under the same name as on that of the plan."""
+    clip = job.task.clip
+    assert clip is not None
+    if not clip.is_file():
+        raise UnavailableError(
+            f"{clip}: is not on this machine; mount footage at the same path on every machine"
+        )
+    return clip
+
+
+_STAGES: dict[str, Callable[[Job, Store, Path, Path], float]] = {
+    "calibrate": _calibrate,
+    "track": _track,
+    "align": _align,
+    "search": _search,
+}
+"""Each takes the task, the store, and two folders on this machine, the second for its result;
+returns how many seconds of footage it went through.
+"""

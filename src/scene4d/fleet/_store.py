@@ -1,0 +1,146 @@
+"""Where a fleet's results lie: a folder, or any address that fsspec knows, as s3://bucket/fleet.
+
+STAGE/CAMERA/key=KEY/...    a result, as its stage writes it: a camera, a scene, a site, events
+done/KEY.json               it is whole: written after all of it
+quarantine/KEY.json         it cannot be made, and why; remove the file to have it tried again
+clips/CAMERA.json           what the clips' content is, for those that have not changed since
+events/NUMBER.parquet       what the searches of the plan found in all cameras, best first
+status.json                 how far the plan is, camera by camera
+"""
+
+import json
+import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import fsspec
+from fsspec.implementations.local import LocalFileSystem
+
+from scene4d.core.errors import InputError, OutputError, UnavailableError
+from scene4d.core.files import write_bytes
+from scene4d.core.staging import ensure_folder
+
+_HALF = ".half"
+"""Results on their way into a folder; what killed workers left goes when a fleet starts."""
+
+
+class Store:
+    """Reads and writes below one address. Every failure is an error that names it:
+    :class:`OutputError` while writing, :class:`InputError` while reading.
+    """
+
+    def __init__(self, address: str) -> None:
+        self.address = address.rstrip("/") or address
+        try:
+            self._fs, root = fsspec.core.url_to_fs(address)
+        except ImportError as error:
+            raise UnavailableError(
+                f"{address}: {error}; pip install the package that it names"
+            ) from error
+        except Exception as error:
+            raise InputError(
+                f"{address}: is no store: {error}; give a folder or an address"
+            ) from error
+        self._root = str(root).rstrip("/")
+        local = isinstance(self._fs, LocalFileSystem)
+        self._local = Path(self._root) if local else None
+
+    def open(self) -> None:
+        """Make it where it is not there, and check that it can be written."""
+        if self._local is not None:
+            ensure_folder(self._local)
+            shutil.rmtree(self._local / _HALF, ignore_errors=True)
+        self.write("store", {"schema": "scene4d/fleet-store/1"})
+
+    def keys(self, kind: str) -> set[str]:
+        """The keys of all that is ``done``, or in ``quarantine``."""
+        with self._reading(kind):
+            try:
+                self._fs.invalidate_cache()
+                found = self._fs.ls(f"{self._root}/{kind}", detail=False)
+            except FileNotFoundError:
+                return set()
+        return {Path(one).stem for one in found if one.endswith(".json")}
+
+    def read(self, name: str) -> Any:
+        """The JSON file NAME.json; None where it is not there."""
+        with self._reading(name):
+            try:
+                return json.loads(self._fs.cat_file(f"{self._root}/{name}.json"))
+            except FileNotFoundError:
+                return None
+
+    def write(self, name: str, values: dict[str, Any]) -> None:
+        """Write NAME.json, whole or not at all."""
+        text = json.dumps(values, indent=1, allow_nan=False) + "\n"
+        self.write_bytes(f"{name}.json", text.encode())
+
+    def write_bytes(self, name: str, content: bytes) -> None:
+        """Write a file, whole or not at all."""
+        if self._local is not None:
+            path = self._local / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_bytes(path, content)
+            return
+        with self._writing(name):
+            self._fs.pipe_file(f"{self._root}/{name}", content)
+
+    def put(self, folder: Path, path: str) -> None:
+        """Put the files of a folder in place, those that are not hidden; a folder appears at once.
+
+        What was there under the same key was not marked as done, and is replaced.
+        """
+        files = sorted(
+            one for one in folder.rglob("*") if one.is_file() and not _hidden(one, folder)
+        )
+        with self._writing(path):
+            if self._local is None:
+                there = [
+                    f"{self._root}/{path}/{one.relative_to(folder).as_posix()}" for one in files
+                ]
+                self._fs.put([str(one) for one in files], there)
+                return
+            half, target = self._local / _HALF / secrets.token_hex(8), self._local / path
+            for one in files:
+                to = half / one.relative_to(folder)
+                to.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(one, to)
+            half.mkdir(parents=True, exist_ok=True)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.rmtree(target, ignore_errors=True)
+            try:
+                half.rename(target)
+            except OSError:
+                if not target.exists():  # else another worker has just put the same there
+                    raise
+
+    def fetched(self, path: str, scratch: Path) -> Path:
+        """A result as a folder on this machine: that of the store, or a copy in ``scratch``."""
+        if self._local is not None:
+            return self._local / path
+        with self._reading(path):
+            target = scratch / path
+            target.parent.mkdir(parents=True, exist_ok=True)
+            self._fs.get(f"{self._root}/{path}/", f"{target}/", recursive=True)
+        return target
+
+    @contextmanager
+    def _writing(self, name: str) -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:  # each kind of store has its own
+            raise OutputError(f"{self.address}/{name}: cannot be written: {error}") from error
+
+    @contextmanager
+    def _reading(self, name: str) -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:
+            raise InputError(f"{self.address}/{name}: cannot be read: {error}") from error
+
+
+def _hidden(path: Path, folder: Path) -> bool:
+    return any(part.startswith(".") for part in path.relative_to(folder).parts)
