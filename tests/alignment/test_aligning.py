@@ -127,6 +127,16 @@ def test_a_pair_that_moved_is_warned_of(scenes, tmp_path, monkeypatch):
     assert said == "cameras 'cam0' and 'cam1': one of the cameras moved"
 
 
+def test_a_map_that_does_not_tell_the_place_is_told_and_kept_out(known, scenes, tmp_path):
+    road = {"type": "LineString", "coordinates": [[-0.94, 53.44], [-0.939, 53.44]]}
+    (tmp_path / "road.geojson").write_text(json.dumps(road))
+    found = align(scenes, tmp_path / "site", anchor=tmp_path / "road.geojson", pictures=False)
+    assert found and any("frame of its own, off the map: " in one for one in found.warnings)
+    said = json.loads((tmp_path / "site" / "site.json").read_text())["anchor"]
+    assert said["status"] == "undetermined" and said["reason"]
+    assert not found.site.anchor and found.site.placements["cam0"].x_m == 0.0
+
+
 def test_a_camera_that_saw_nobody_is_undetermined(known, scenes, world, tmp_path):
     nobody = world.seen[0].tracks.select(np.zeros(0, int))
     empty = scene_of(tmp_path / "empty", world.seen[0], tracks=nobody, camera="dark")

@@ -16,6 +16,15 @@ EARTH = [{"camera": "a", "u": 10, "v": 400, "lat": 53.44, "lon": -0.94},
 PLAN = [{"camera": "a", "u": 10, "v": 400, "x_m": 1.5, "y_m": 2}]
 
 
+LINE = [[-0.94, 53.44], [-0.9385, 53.44], [-0.9385, 53.441]]
+
+
+def feature(coordinates, keeps=None, of="LineString") -> dict:
+    said = {} if keeps is None else {"for": keeps}
+    return {"type": "Feature", "properties": said, "geometry": {"type": of,
+            "coordinates": coordinates}}  # fmt: skip
+
+
 def written(path, values):
     path.write_text(values if isinstance(values, str) else json.dumps(values))
     return path
@@ -45,6 +54,19 @@ def test_points_of_a_plan_and_known_cameras(tmp_path):
     assert alone.kind == "cameras" and list(alone.known) == ["gate"]
 
 
+def test_lines_of_a_map_in_metres_and_whose_they_are(tmp_path):
+    both = {"type": "FeatureCollection", "features": [
+        feature(LINE, "vehicles"), feature([LINE, LINE[:2]], of="MultiLineString")]}  # fmt: skip
+    found = read_anchors(written(tmp_path / "roads.geojson", both))
+    assert found.kind == "earth" and found.latitude_deg == pytest.approx(53.44, abs=0.001)
+    assert [one.kinds for one in found.lines] == [(1,), (0, 1), (0, 1)]
+    assert [len(one.xy_m) for one in found.lines] == [3, 3, 2]
+    steps = np.diff(found.lines[0].xy_m, axis=0)
+    np.testing.assert_allclose(np.hypot(*steps.T), [99.8, 111.3], atol=0.3)
+    bare = read_anchors(written(tmp_path / "b.json", {"type": "LineString", "coordinates": LINE}))
+    np.testing.assert_allclose(np.diff(bare.lines[0].xy_m, axis=0), steps, atol=0.01)
+
+
 @pytest.mark.parametrize(
     ("name", "text", "word"),
     [
@@ -58,6 +80,14 @@ def test_points_of_a_plan_and_known_cameras(tmp_path):
         ("a.csv", "", "empty"),
         ("a.csv", "camera,u,v,x_m,y_m\n", "expected a header"),
         ("a.csv", "camera,u,v,x_m,y_m\na,1,2,3,4,5\n", "line 2"),
+        ("a.geojson", {"type": "FeatureCollection", "features": []}, "holds no lines"),
+        ("a.geojson", {"type": "Point", "coordinates": [1, 2]}, "a.geojson"),
+        ("a.geojson", feature([[-0.94, 53.44]]), "two or more pairs"),
+        ("a.geojson", feature([[-0.94, 53.44], ["a", 2]]), "two or more pairs"),
+        ("a.geojson", feature([[53.44, 153.44], [0, 1]]), "longitude .-180 to 180., then"),
+        ("a.geojson", feature([[0, 50], [1, 50]]), "reach over 72 km"),
+        ("a.geojson", feature(LINE, "cars"), "properties.for"),
+        ("a.geojson", feature(LINE, of="Polygon"), "leave anything else out"),
     ],
 )
 def test_what_is_no_anchor_is_named(tmp_path, name, text, word):

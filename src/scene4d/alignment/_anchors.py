@@ -1,4 +1,4 @@
-"""The frame of a site tied to what is known: points of the Earth or of a plan, known cameras."""
+"""The frame of a site tied to what is known: points of Earth or plan, lines of a map, cameras."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from scene4d.alignment._lines import SCALE_SIGMA, on_lines
+from scene4d.alignment._paths import error_modes
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.geometry import rigid_fit
@@ -14,12 +16,11 @@ from scene4d.core.placement import Placement
 from scene4d.core.text import nearest
 from scene4d.core.tracks import Tracks
 from scene4d.formats.anchors import Anchors
+from scene4d.store.site import in_site
 from scene4d.store.site_file import SiteAnchor
 
 _SIGMA_M = {"earth": 1.0, "plan": 0.2, "cameras": 0.1}
 """How far off an anchor is (m): read off an aerial photograph, off a plan, measured. Chosen."""
-_SCALE_SIGMA = 0.05
-"""Log-scale of the site's metre against the true one: what the mean height of people tells."""
 _CLOCK_SIGMA_S = 1.0
 """Clocks that are said to be UTC agree within about this. Chosen: network time, rounded starts."""
 _LEAST_SPREAD_M = 1.0
@@ -32,7 +33,7 @@ _STEPS = 10
 @dataclass(frozen=True, eq=False)
 class Anchored:
     """A camera that can be anchored: its calibration, its place in the site so far, what it
-    tracked on its own ground, and whether its clock is known.
+    tracked on the ground of that calibration, and whether its clock is known.
     """
 
     calibration: Calibration
@@ -58,9 +59,12 @@ def tied(
 ) -> tuple[dict[str, Placement], SiteAnchor]:
     """Placements in the anchors' frame, of cameras that only an anchor places too.
 
+    Lines of a map may leave it undetermined, which the anchor says; all stays as it is then.
     Raises :class:`InputError` for a camera that is not there, a pixel that does not lie on the
     ground, fewer than two points for the whole site, and points that contradict each other.
     """
+    if anchors.lines:
+        return _kept_to(cameras, anchors)
     _check_names(cameras, anchors)
     points = {name: _points_of(name, one, anchors) for name, one in cameras.items()}
     placed = [name for name, one in cameras.items() if one.placement]
@@ -83,6 +87,57 @@ def tied(
             found[name] = _by_clock(own, one)
     anchor = SiteAnchor(anchors.kind, tuple(residuals), anchors.latitude_deg, anchors.longitude_deg)
     return found, anchor
+
+
+def _kept_to(
+    cameras: Mapping[str, Anchored], anchors: Anchors
+) -> tuple[dict[str, Placement], SiteAnchor]:
+    """Moved over a map so that tracks keep to its lines."""
+    found = {name: one.placement for name, one in cameras.items()}
+    told = {name: one.tracks for name, one in cameras.items() if one.tracks is not None}
+    placed = [name for name in told if found[name]]
+    anchor = SiteAnchor("earth", (), anchors.latitude_deg, anchors.longitude_deg)
+    if placed:
+        frame = on_lines(
+            [in_site(told[name], found[name]) for name in placed],
+            _apart([_modes(told[name], cameras[name]) for name in placed]),
+            anchors.lines,
+        )
+        if not frame:
+            return found, SiteAnchor("earth", reason=frame.reason)
+        found |= {name: one.then(frame) for name, one in found.items() if one}
+    for name in [name for name in told if not found[name]]:
+        one = cameras[name]
+        own = on_lines([told[name]], [_modes(told[name], one)], anchors.lines)
+        found[name] = _by_clock(own, one) if own else _beside(one.placement, own)
+    if not any(found.values()):
+        anchor = SiteAnchor("earth", reason=str(next(iter(found.values())).reason))
+    return found, anchor
+
+
+def _modes(tracks: Tracks, one: Anchored) -> Float[np.ndarray, "n 2 r"]:
+    """How the errors of a camera and of its place in the site move its tracks there."""
+    modes = error_modes(one.calibration, np.nan_to_num(tracks.xy_m))
+    if not one.placement:
+        return modes
+    size, axes = np.linalg.eigh(one.placement.covariance)
+    by_place = one.placement.point_jacobian(tracks.xy_m) @ (axes * np.sqrt(np.maximum(size, 0)))
+    return np.concatenate([one.placement.linear @ modes, by_place], axis=2)
+
+
+def _apart(modes_m: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Each camera's modes in columns of their own."""
+    size = modes_m[0].shape[2]
+    total = size * len(modes_m)
+    return [
+        np.pad(modes, ((0, 0), (0, 0), (k * size, total - (k + 1) * size)))
+        for k, modes in enumerate(modes_m)
+    ]
+
+
+def _beside(placement: Placement, lines: Placement) -> Placement:
+    """Without a place, and why neither people in common nor the lines tell it."""
+    return Placement.undetermined(f"{placement.reason}; and by the map, {lines.reason}")
 
 
 def _check_names(cameras: Mapping[str, Anchored], anchors: Anchors) -> None:
@@ -150,7 +205,7 @@ def _fit(points: _Points, sigma_m: float) -> tuple[Placement, list[float]]:
     """
     R, shift = rigid_fit(points.xy_m, points.true_m)
     at = np.array([*shift, np.arctan2(R[1, 0], R[0, 0]), 0.0, 0.0])
-    prior = np.diag([0.0, 0.0, 0.0, _SCALE_SIGMA**-2])
+    prior = np.diag([0.0, 0.0, 0.0, SCALE_SIGMA**-2])
     information = np.eye(4)
     for _ in range(_STEPS):
         frame = Placement.from_parameters(at, np.zeros((5, 5)))

@@ -14,8 +14,9 @@ _LONGEST_S = 86_400.0
 class AlignOptions:
     """The options of an alignment.
 
-    ``anchor`` is a file of ground points whose place on the Earth or on a floor plan is known, or
-    of cameras that are known (:mod:`scene4d.formats.anchors`). ``max_offset_s`` is how far apart
+    ``anchor`` is a file of ground points whose place on the Earth or on a floor plan is known, of
+    lines of a map that tracks keep to, or of cameras that are known
+    (:mod:`scene4d.formats.anchors`). ``max_offset_s`` is how far apart
     clocks may be: of cameras whose start is known by how much they are set wrong, else by how much
     later one clip begins than another. ``pictures`` says whether ``plan.png`` and ``pairs/`` are
     drawn.

@@ -9,7 +9,16 @@ from scene4d.alignment._factor import Factor, Match, factor_of, matches
 from scene4d.alignment._hypotheses import hypotheses
 from scene4d.alignment._options import MAX_OFFSET_S
 from scene4d.alignment._paths import STEP_S, Paths, View
-from scene4d.alignment._score import Crowd, Fit, Matching, Meetings, fitted, later
+from scene4d.alignment._score import (
+    APART_S,
+    Crowd,
+    Fit,
+    Matching,
+    Meetings,
+    different,
+    fitted,
+    later,
+)
 
 _COMPARED, _FITTED = 24, 6
 """Candidates of the vote that are compared, and of them those that are moved to their best; more
@@ -27,8 +36,6 @@ _TAIL = 2.0
 score less that of the mirror image had a scale of 1.4 (benchmarks.sites)."""
 _EXTREMES = 5
 """Accidental scores that tell that scale."""
-_APART_M, _APART_S = 1.5, 1.5
-"""Alignments that put people further apart than this, or at other times, are rivals."""
 _ROUGH = 4.0
 """Variance with which candidates are compared before they are moved, over that of good fits."""
 _HALF = 0.5
@@ -157,10 +164,10 @@ def _candidates(
         voted.append(Fit(np.array(values, float), float(ballot.votes[k])))
     starts = [
         Fit(one.parameters, meetings.matching(one, _ROUGH).score)
-        for one in _different(voted, around, _HALF)[:_COMPARED]
+        for one in different(voted, around, _HALF)[:_COMPARED]
     ]
-    starts = _different(starts, around)[:_FITTED]
-    return _different([fitted(meetings, start) for start in starts], around)
+    starts = different(starts, around)[:_FITTED]
+    return different([fitted(meetings, start) for start in starts], around)
 
 
 def _around(paths: Paths) -> Float[np.ndarray, "4 2"]:
@@ -171,23 +178,9 @@ def _around(paths: Paths) -> Float[np.ndarray, "4 2"]:
     return points
 
 
-def _different(fits: list[Fit], around: Float[np.ndarray, "4 2"], share: float = 1.0) -> list[Fit]:
-    """Best first, without those that say the same as a better one."""
-    fits = sorted(fits, key=lambda one: -one.score)
-    where = np.array([fit.mapped(around) for fit in fits]).reshape(-1, 4, 2)
-    when = np.array([fit.parameters[4] for fit in fits])
-    kept: list[int] = []
-    for k in range(len(fits)):
-        late = np.abs(when[kept] - when[k]) > share * _APART_S
-        step = ((where[kept] - where[k]) ** 2).sum(axis=2).mean(axis=1)
-        if (late | (step > (share * _APART_M) ** 2)).all():
-            kept.append(k)
-    return [fits[k] for k in kept]
-
-
 def _apart(fit: Fit, other: Fit, around: Float[np.ndarray, "4 2"]) -> bool:
     """Whether two alignments differ by what makes rivals."""
-    return len(_different([fit, other], around)) > 1
+    return len(different([fit, other], around)) > 1
 
 
 def _accident(best: Fit, real: list[Fit], decoys: list[Fit]) -> float:
@@ -221,7 +214,7 @@ def _in_words(best: Fit, rival: Fit) -> str:
     later = rival.parameters[4] - best.parameters[4]
     if abs(turn) > 30.0:
         how = f"turned by {abs(turn):.0f}°"
-    elif abs(later) > _APART_S:
+    elif abs(later) > APART_S:
         how = f"with the clocks {abs(later):.1f} s apart from that"
     else:
         how = "shifted along the way that people walk"

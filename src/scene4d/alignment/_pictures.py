@@ -33,15 +33,17 @@ def site_pictures(
     seen: Mapping[str, Tracks],
     runs: Mapping[str, Sequence[Run]],
     identities: Identities,
+    lines: Sequence[np.ndarray],
     step: Advance,
 ) -> dict[str, bytes]:
     """PNG files by their names in the site: ``plan.png`` and ``pairs/A in B.png``.
 
-    ``cameras`` stand in the site's frame, and ``seen`` is what each tracked there, by identity.
+    ``cameras`` stand in the site's frame, and ``seen`` is what each tracked there, by identity;
+    ``lines`` are those of a map that the site is tied to.
     """
     covariances = {name: one.covariance[:2, :2] for name, one in placements.items()}
     ways = ways_of(fused(list(seen.values()), TICK_S), identities.cameras_each())
-    pictures = {PLAN: draw_site_map(cameras, covariances, ways).png}
+    pictures = {PLAN: draw_site_map(cameras, covariances, ways, lines=lines).png}
     step(1)
     moments = {name: _at_moments(tracks) for name, tracks in seen.items()}
     pairs = {(a, b): _matched(cameras[a], moments[a], moments[b]) for a, b in permutations(seen, 2)}

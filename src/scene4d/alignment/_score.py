@@ -32,6 +32,8 @@ _WORST = -3.0
 _MISSED = 0.7
 """Cost of a fact that only one camera saw where both see people: half of all people are missed at
 some moment by one of two cameras, ln 2."""
+_APART_M, APART_S = 1.5, 1.5
+"""Alignments that put people further apart than this, or at other times, are rivals."""
 _CELL_M = 1.0
 _MOST_CELLS = 300
 _MOST_MEETINGS = 40_000
@@ -104,6 +106,20 @@ class Fit:
         """Rotation times scale."""
         c, s = np.cos(self.parameters[2]), np.sin(self.parameters[2])
         return float(np.exp(self.parameters[3])) * np.array([[c, -s], [s, c]])
+
+
+def different(fits: list[Fit], around: Float[np.ndarray, "4 2"], share: float = 1.0) -> list[Fit]:
+    """Best first, without those that say the same as a better one."""
+    fits = sorted(fits, key=lambda one: -one.score)
+    where = np.array([fit.mapped(around) for fit in fits]).reshape(-1, 4, 2)
+    when = np.array([fit.parameters[4] for fit in fits])
+    kept: list[int] = []
+    for k in range(len(fits)):
+        late = np.abs(when[kept] - when[k]) > share * APART_S
+        step = ((where[kept] - where[k]) ** 2).sum(axis=2).mean(axis=1)
+        if (late | (step > (share * _APART_M) ** 2)).all():
+            kept.append(k)
+    return [fits[k] for k in kept]
 
 
 @dataclass(frozen=True, eq=False)

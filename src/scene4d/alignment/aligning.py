@@ -94,14 +94,17 @@ class _Placed:
         assert known is not None
         return self.placement.camera(known)
 
-    def tracks(self) -> Tracks | None:
-        """What it tracked, on the site's ground and clock; None without a place."""
+    def own_tracks(self) -> Tracks | None:
+        """What it tracked, on its own ground."""
         found = self.read.tracks
-        if found is None or not self.placement:
-            return None
-        if self.refined is not None:
-            found = regrounded(found, self.read.calibration, self.refined)
-        return in_site(found, self.placement)
+        if found is None or self.refined is None:
+            return found
+        return regrounded(found, self.read.calibration, self.refined)
+
+    def tracks(self) -> Tracks | None:
+        """The same on the site's ground and clock; None without a place."""
+        found = self.own_tracks()
+        return in_site(found, self.placement) if found is not None and self.placement else None
 
 
 def align(
@@ -141,12 +144,15 @@ def align(
         found = _placed(read, solution, links)
         found, anchor = (found, None) if anchors is None else _anchored(found, anchors)
         warnings += _about(read, solution)
+        if anchor is not None and not anchor:
+            warnings.append(f"the site has a frame of its own, off the map: {anchor.reason}")
     with timed(timings, "identities"), progress.stage("Recognising people", None):
         identities = _identities(found)
     said = SiteFile({one.name: _entry(one, Path(out)) for one in found}, start_ns, anchor)
     better = {one.name: one.refined for one in found if one.refined is not None}
     with timed(timings, "pictures"):
-        pictures = _pictures(found, identities, progress) if options.pictures else {}
+        lines = [one.xy_m for one in anchors.lines] if anchors is not None and anchor else []
+        pictures = _pictures(found, identities, lines, progress) if options.pictures else {}
     with timed(timings, "write"):
         write_site(Path(out), said, identities, refined=better, pictures=pictures)
     placements = [one.placement for one in found]
@@ -232,7 +238,7 @@ def _anchored(cameras: Sequence[_Placed], anchors: Anchors) -> tuple[list[_Place
             one.name: Anchored(
                 one.refined or one.read.calibration,
                 one.placement,
-                one.read.tracks,
+                one.own_tracks(),
                 one.read.watched.start_known,
             )
             for one in cameras
@@ -286,7 +292,10 @@ def _identities(cameras: Sequence[_Placed]) -> Identities:
 
 
 def _pictures(
-    cameras: Sequence[_Placed], identities: Identities, progress: Progress
+    cameras: Sequence[_Placed],
+    identities: Identities,
+    lines: Sequence[np.ndarray],
+    progress: Progress,
 ) -> dict[str, bytes]:
     """The plan and the pairs; none where no camera has a place."""
     there = [(one, one.tracks()) for one in cameras if one.placement]
@@ -303,6 +312,7 @@ def _pictures(
             },
             {one.name: one.read.watched.runs for one, _ in there},
             identities,
+            lines,
             step,
         )
 

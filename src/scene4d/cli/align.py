@@ -36,7 +36,8 @@ def align(
         typer.Option(
             metavar="FILE",
             help="JSON or CSV with ground points whose longitude and latitude or metres on a floor "
-            "plan are known, or with cameras that are known: the site's frame becomes that.",
+            "plan are known, GeoJSON with lines that tracks keep to (roads, pavements), or known "
+            "cameras: the site's frame becomes that.",
             show_default=False,
         ),
     ] = None,
@@ -65,6 +66,7 @@ def align(
 
       scene4d align hall-scene yard-scene gate-scene --out site
       scene4d align north south --out site --anchor points.csv
+      scene4d align north south --out site --anchor roads.geojson
       scene4d align scenes/* --out site --max-offset 30 --json
     """
     from scene4d.alignment import AlignOptions

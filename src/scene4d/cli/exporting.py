@@ -77,7 +77,7 @@ def export_site(site: str | Path, out: str | Path, to: str) -> tuple[Path, ...]:
             f"{to} holds boxes in the picture of one camera; a site can be written as "
             f"{', '.join(OF_THE_GROUND)}"
         )
-    earth = opened.anchor is not None and opened.anchor.kind == "earth"
+    earth = opened.anchor and opened.anchor.kind == "earth"
     if to == "geojson" and not earth:
         raise InputError(
             f"{site}: where the site lies on the Earth is not known; align it again with an anchor "

@@ -19,7 +19,7 @@ from scene4d.drawing.ground import Area
 
 _CAMERAS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's, one for each camera in turn."""
-_ALONE, _TRUE = "#5D6670", "#9B4DFF"
+_ALONE, _TRUE, _MAP = "#5D6670", "#9B4DFF", "#C08A00"
 _Z95 = np.sqrt(5.991)
 """Half axes of a 95 % ellipse in standard deviations: chi-squared with two degrees of freedom."""
 _REACH_M = 30.0
@@ -56,10 +56,11 @@ def draw_site_map(
     ways: Sequence[Way],
     true: Mapping[str, Camera] | None = None,
     axes_labels: tuple[str, str] = ("metres", "metres"),
+    lines: Sequence[Float[np.ndarray, "k 2"]] = (),
 ) -> style.Drawn:
     """Cameras in the site's frame, 95 % ellipses of their positions that err, and ways.
 
-    ``true`` are cameras as they really stand, drawn as crosses.
+    ``true`` are cameras as they really stand, drawn as crosses; ``lines`` are those of a map.
     """
     area = _area(cameras, ways)
     fig, axes = ground_axes(area)
@@ -77,6 +78,9 @@ def draw_site_map(
     if covariances:
         handles.append(Line2D([], [], color=style.FAINT, lw=1.4, label="95 % of the position"))
     handles += _draw_ways(axes, ways)
+    if lines:
+        axes.add_collection(LineCollection(list(lines), colors=_MAP, lw=1.2, ls="--"), False)
+        handles.append(Line2D([], [], color=_MAP, lw=1.2, ls="--", label="Line of the map"))
     if true:
         handles.append(_draw_true(axes, true))
     return style.drawn(fig, handles, 0.3)

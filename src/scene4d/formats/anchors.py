@@ -6,6 +6,15 @@ JSON, or CSV with the same columns::
     {"points": [{"camera": "gate", "u": 420, "v": 510, "x_m": 12.5, "y_m": 3.0}, ...]}
     {"cameras": {"gate": "gate.krtd", "yard": "yard.json"}}
 
+or GeoJSON with lines that tracks keep to: roads, pavements, crossings (RFC 7946: longitude, then
+latitude)::
+
+    {"type": "FeatureCollection", "features": [
+     {"type": "Feature", "properties": {"for": "vehicles"},
+      "geometry": {"type": "LineString", "coordinates": [[-0.94321, 53.44012], ...]}}, ...]}
+
+A line is for people and vehicles unless the property ``for`` says ``"people"`` or ``"vehicles"``.
+
 Pixels are those of the footage, on the ground. Metres are those of a plan, right-handed: x to the
 right and y up. Cameras are files of any known format, relative to the anchor's, over a ground at
 Z = 0. A camera file by itself is an anchor too: its name without ending is the camera's.
@@ -30,13 +39,26 @@ from scene4d.formats.cameras import read_camera
 from scene4d.formats.scenes._geo import earth_metres
 
 _EARTH, _PLAN = ("lat", "lon"), ("x_m", "y_m")
+_WIDEST_M = 5_000.0
+"""Lines reach so far at most: cameras of one site see a small part of that."""
+_GEOJSON = ("FeatureCollection", "Feature", "LineString", "MultiLineString")
+_KINDS: dict[str | None, tuple[int, ...]] = {None: (0, 1), "people": (0,), "vehicles": (1,)}
+
+
+@dataclass(frozen=True, eq=False)
+class MapLine:
+    """A line (n, 2) in metres of the anchors, and who keeps to it: 0 for people, 1 for vehicles."""
+
+    xy_m: Float[np.ndarray, "n 2"]
+    kinds: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Anchors:
     """Pixels (n, 2) on the ground of the cameras of these names, and where they lie: ``xy_m`` in
-    metres of the ``kind``. ``known`` are cameras whose pose in the same frame is known. Of the
-    Earth, +X is east and +Y north of ``latitude_deg``, ``longitude_deg``.
+    metres of the ``kind``. ``known`` are cameras whose pose in the same frame is known, ``lines``
+    what tracks keep to. Of the Earth, +X is east and +Y north of ``latitude_deg``,
+    ``longitude_deg``.
     """
 
     kind: Literal["earth", "plan", "cameras"]
@@ -44,6 +66,7 @@ class Anchors:
     uv: Float[np.ndarray, "n 2"] = field(default_factory=lambda: np.empty((0, 2)))
     xy_m: Float[np.ndarray, "n 2"] = field(default_factory=lambda: np.empty((0, 2)))
     known: dict[str, Camera] = field(default_factory=dict)
+    lines: tuple[MapLine, ...] = ()
     latitude_deg: float | None = None
     longitude_deg: float | None = None
 
@@ -62,6 +85,8 @@ def read_anchors(path: str | os.PathLike[str]) -> Anchors:
         values = read_json(path) if path.suffix.lower() in (".json", ".geojson") else None
         if isinstance(values, dict) and ("points" in values or "cameras" in values):
             return _of_json(JsonObject(values, os.fspath(path)), path)
+        if isinstance(values, dict) and values.get("type") in _GEOJSON:
+            return _of_lines(_lines(JsonObject(values, os.fspath(path))))
         return Anchors("cameras", known={path.stem: _known(path)})
     except InputError as error:
         raise prefixed(error, path) from None
@@ -139,3 +164,58 @@ def _known(path: Path) -> Camera:
     if not isinstance(camera, Camera):
         raise InputError(f"{path}: holds a lens without a pose, and cannot anchor a site")
     return camera
+
+
+_Line = tuple[Float[np.ndarray, "_n 2"], tuple[int, ...]]
+
+
+def _lines(said: JsonObject, kinds: tuple[int, ...] = (0, 1)) -> list[_Line]:
+    """Longitudes and latitudes of the lines of a GeoJSON object, each with who keeps to it."""
+    kind = said.text("type")
+    if kind == "FeatureCollection":
+        return [line for one in said.objects("features") for line in _lines(one)]
+    if kind == "Feature":
+        about = said.object("properties") if "properties" in said else JsonObject({}, said.where)
+        who = about.text("for") if "for" in about else None
+        if who not in _KINDS:
+            raise about.error("for", "'people' or 'vehicles'")
+        return _lines(said.object("geometry"), _KINDS[who])
+    if kind == "LineString":
+        parts = [said.value("coordinates")]
+    elif kind == "MultiLineString" and isinstance(said.value("coordinates"), list):
+        parts = said.value("coordinates")
+    else:
+        raise said.error("type", "'LineString' or 'MultiLineString'; leave anything else out")
+    return [(_lonlat(said, part), kinds) for part in parts]
+
+
+def _lonlat(said: JsonObject, part: Any) -> Float[np.ndarray, "n 2"]:
+    try:
+        found = JsonObject({"part": part}, "").array("part", None, None)
+    except InputError:
+        found = np.empty((0, 0))
+    if len(found) < 2 or found.shape[1] not in (2, 3):
+        raise said.error("coordinates", "two or more pairs of longitude, latitude in degrees")
+    if (np.abs(found[:, :2]) > (180.0, 90.0)).any():
+        raise said.error(
+            "coordinates", "degrees: longitude (-180 to 180), then latitude (-90 to 90)"
+        )
+    return found[:, :2]
+
+
+def _of_lines(lines: list[_Line]) -> Anchors:
+    if not lines:
+        raise InputError("holds no lines; expected LineStrings that tracks keep to")
+    lon, lat = np.concatenate([line for line, _ in lines]).T
+    xy, (latitude, longitude) = earth_metres(lat, lon)
+    wide_m = float(np.ptp(xy, axis=0).max())
+    if not wide_m <= _WIDEST_M:
+        raise InputError(
+            f"its lines reach over {wide_m / 1000:.0f} km; keep those around the cameras, within "
+            f"{_WIDEST_M / 1000:.0f} km"
+        )
+    cuts = np.cumsum([len(line) for line, _ in lines])[:-1]
+    found = tuple(
+        MapLine(part, kinds) for part, (_, kinds) in zip(np.split(xy, cuts), lines, strict=True)
+    )
+    return Anchors("earth", lines=found, latitude_deg=latitude, longitude_deg=longitude)

@@ -116,7 +116,7 @@ class Site:
 
     @property
     def anchor(self) -> SiteAnchor | None:
-        """What the site's frame is tied to; None: to one of its cameras."""
+        """What the site's frame is tied to; None or false: to one of its cameras."""
         return self._said.anchor
 
     @property

@@ -10,7 +10,9 @@ An undetermined camera has ``reason`` and no numbers. ``start`` is the zero of t
 null where no camera's is known: the clock of a camera counts from there if the start of its footage
 is known, else from the beginning of its clip. ``clock_drift`` is null where the clocks run alike as
 far as the footage tells, else ``{"ppm": .., "sigma_ppm": .., "at_s": ..}``: by how much the
-camera's clock is slow, and the time of that clock at which the offset holds.
+camera's clock is slow, and the time of that clock at which the offset holds. ``anchor`` is null, or
+``{"kind": .., "residual_m": [..], ..}``, or where lines of a map leave the place open
+``{"kind": .., "status": "undetermined", "reason": ..}``; the site has a frame of its own then.
 """
 
 import os
@@ -44,16 +46,23 @@ class SiteAnchor:
 
     ``earth``: +X is east and +Y north of ``latitude_deg``, ``longitude_deg`` (WGS 84, azimuthal
     equidistant). ``plan``: metres of a floor plan. ``cameras``: the world of cameras that were
-    known. ``residual_m`` says how far each anchor lies from where all together put it.
+    known. ``residual_m`` says how far each point lies from where all together put it. Lines of a
+    map that do not determine the frame make it false, with a ``reason``.
     """
 
     kind: Literal["earth", "plan", "cameras"]
     residual_m: tuple[float, ...] = ()
     latitude_deg: float | None = None
     longitude_deg: float | None = None
+    reason: str | None = None
+
+    def __bool__(self) -> bool:
+        return self.reason is None
 
     def to_dict(self) -> dict[str, Any]:
         """The field ``anchor``."""
+        if not self:
+            return {"kind": self.kind, "status": "undetermined", "reason": self.reason}
         said: dict[str, Any] = {"kind": self.kind, "residual_m": list(self.residual_m)}
         if self.kind == "earth":
             said |= {"latitude_deg": self.latitude_deg, "longitude_deg": self.longitude_deg}
@@ -175,9 +184,12 @@ def _drift(said: JsonObject) -> Drift:
 
 
 def _anchor(said: JsonObject) -> SiteAnchor:
-    kind, residual_m = said.text("kind"), tuple(said.array("residual_m", None).tolist())
+    kind = said.text("kind")
     if kind not in _KINDS:
         raise said.error("kind", " or ".join(map(repr, _KINDS)))
+    if "reason" in said:
+        return SiteAnchor(kind, reason=said.text("reason"))  # type: ignore[arg-type]
+    residual_m = tuple(said.array("residual_m", None).tolist())
     if kind != "earth":
         return SiteAnchor(kind, residual_m)  # type: ignore[arg-type]
     latitude = said.number("latitude_deg", least=-90.0, most=90.0)
