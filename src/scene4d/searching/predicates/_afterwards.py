@@ -28,10 +28,10 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import ndtr
 
 from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.boxes import covered
+from scene4d.searching.predicates._gaussian import ndtr
 from scene4d.searching.predicates._meeting import expand
 from scene4d.searching.predicates.stage import Stage
 
@@ -181,7 +181,7 @@ class Afterwards:
         box = self._upright(xy_m)
         tall = box[..., 3] - box[..., 1]
         frame = np.array([0.0, 0.0, *self.stage.image_size])
-        out = ndtr((covered(box, frame) - _SEEN_SHARE) / _SEEN_SIGMA)
+        out = _enough(covered(box, frame))
         with np.errstate(invalid="ignore"):
             out[~(tall >= self._smallest_px)] = 0.0
         first_s, last_s = self.stage.span_s
@@ -190,10 +190,13 @@ class Afterwards:
         low, high = self._at(time_s[looks])
         looks, low, high = (one[high > low] for one in (looks, low, high))
         owner, seen = expand(low, high - low)
-        cover = self.stage.tracks.box_xyxy[self._seen[seen]][:, None]
-        hidden, size = box[looks[owner]], np.maximum(tall[looks[owner]], 1)
-        lower = (cover[..., 3] - hidden[..., 3]) / (_BEFORE_SIGMA * size)
-        hides = ndtr(lower) * ndtr((covered(hidden, cover) - _SEEN_SHARE) / _SEEN_SIGMA)
+        cover = self.stage.tracks.box_xyxy[self._seen[seen]]
+        size = _BEFORE_SIGMA * np.maximum(tall, 1)
+        lower = (cover[:, None, 3] - box[looks[owner], :, 3]) / size[looks[owner]]
+        share = covered(box[looks[owner]], cover[:, None])
+        hides = ndtr(lower) * _NONE_COVERED
+        over = np.nonzero(share > 0)
+        hides[over] = ndtr(lower[over]) * _enough(share[over])
         if len(looks):
             first = np.cumsum(high - low) - (high - low)
             out[looks] *= np.multiply.reduceat(np.nan_to_num(1 - hides), first, axis=0)
@@ -239,6 +242,14 @@ class Afterwards:
         box = self.stage.tracks.box_xyxy[rows]
         smallest = float(np.quantile(box[:, 3] - box[:, 1], _SMALL_QUANTILE))
         return min(smallest, _SMALL_SHARE * self.stage.image_size[1])
+
+
+def _enough(share: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+    """P(so large a share of somebody is enough to see, or to hide him)."""
+    return ndtr((share - _SEEN_SHARE) / _SEEN_SIGMA)
+
+
+_NONE_COVERED = float(_enough(np.zeros(1))[0])
 
 
 def _ways() -> tuple[Float[np.ndarray, "s w 2"], Float[np.ndarray, "w"]]:

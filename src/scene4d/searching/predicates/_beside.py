@@ -2,10 +2,10 @@
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import ndtr, ndtri
 
 from scene4d.core.errors import InputError
 from scene4d.searching.predicates._distance import Separation
+from scene4d.searching.predicates._gaussian import ndtr
 from scene4d.searching.predicates._relation import (
     AXIS_SIGMA_RAD,
     SIDES,
@@ -59,6 +59,8 @@ def beside(
 
 def _headings(b: StageRows) -> Float[np.ndarray, "m k"]:
     """Equally likely headings of each vehicle."""
+    from scipy.special import ndtri  # slow to load
+
     anywhere = 2 * np.pi * _QUANTILES
     only_axis = np.isnan(b.heading_sigma_rad)
     sigma = np.where(only_axis, AXIS_SIGMA_RAD, b.heading_sigma_rad)

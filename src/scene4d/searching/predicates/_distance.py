@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import ndtr
 
 from scene4d.core.errors import InputError
-from scene4d.searching.predicates._gaussian import ANY_RAD, above, form, turned
+from scene4d.searching.predicates._gaussian import ANY_RAD, above, form, ndtr, turned
 from scene4d.searching.predicates.stage import StageRows
 
 NEAR_TAU_M = 4.0
@@ -169,4 +168,4 @@ def near_probability(
     margin = tau_m - np.asarray(distance_m)
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         z = np.where((margin == 0) & (spread == 0), 0.0, margin / spread)
-    return np.asarray(ndtr(z))
+    return ndtr(z)

@@ -5,9 +5,9 @@ Constants were chosen on the tuning cameras (MEVA G341 and G424).
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import ndtr
 
 from scene4d.core.body import BORDER_PX
+from scene4d.searching.predicates._gaussian import ndtr
 from scene4d.searching.predicates._meeting import expand
 from scene4d.searching.predicates.stage import Stage, StageRows
 

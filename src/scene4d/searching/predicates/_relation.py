@@ -2,7 +2,6 @@
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import ndtr
 
 from scene4d.core.errors import InputError
 from scene4d.searching.predicates._distance import Separation, near
@@ -11,6 +10,7 @@ from scene4d.searching.predicates._gaussian import (
     angle_between,
     form,
     in_wedge,
+    ndtr,
     turned,
     wrapped,
 )

@@ -2,9 +2,9 @@
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import ndtr
 
 from scene4d.core.boxes import covered
+from scene4d.searching.predicates._gaussian import ndtr
 from scene4d.searching.predicates._meeting import expand
 from scene4d.searching.predicates.stage import Stage
 

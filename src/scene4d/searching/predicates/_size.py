@@ -2,8 +2,8 @@
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import ndtr
 
+from scene4d.searching.predicates._gaussian import ndtr
 from scene4d.searching.predicates.stage import StageRows
 
 _LENGTH, _HEIGHT = 0, 2

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.spatial import cKDTree
 
 from scene4d.core.columns import Columns
 from scene4d.core.errors import InputError
@@ -69,7 +69,7 @@ class Spots:
         self._when, self._run = when, run
         self._span = span_s[0] + start_s, span_s[1] + start_s
         self._factors = None if factor is None else Factors(factor, table.xy_m)
-        self._trees: dict[int, cKDTree] = {}
+        self._trees: dict[int, Any] = {}
 
     def probability(
         self, a: StageRows, tau_m: float, sigma_m: float
@@ -104,6 +104,8 @@ class Spots:
 
     def _nearest(self, a: StageRows, reach_m: Float[np.ndarray, "m"]) -> Int[np.ndarray, "m"]:
         """The nearest spot that fits, for each row; -1 where there is none within reach."""
+        from scipy.spatial import cKDTree  # slow to load
+
         found = np.full(len(a), -1)
         apart = np.full(len(a), np.inf)
         xy, time_s = a.xy_m, a.time_s + self.start_s

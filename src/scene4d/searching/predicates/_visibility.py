@@ -36,11 +36,11 @@ from weakref import WeakKeyDictionary, proxy
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import ndtr
 
 from scene4d.core.body import BORDER_PX
 from scene4d.core.boxes import covered
 from scene4d.searching.predicates._afterwards import Afterwards, Ends
+from scene4d.searching.predicates._gaussian import ndtr
 from scene4d.searching.predicates._meeting import expand
 from scene4d.searching.predicates._posture import stooping
 from scene4d.searching.predicates._riding import drives_ratio, riding

@@ -9,11 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.special import ndtr
 
 from scene4d.core.errors import InputError
 from scene4d.core.text import nearest
-from scene4d.searching.predicates._gaussian import above, form, turned
+from scene4d.searching.predicates._gaussian import above, form, ndtr, turned
 from scene4d.searching.predicates.stage import Stage, StageRows
 
 _INSIDE_SIGMA_M = 0.2
