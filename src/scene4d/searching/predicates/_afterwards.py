@@ -24,7 +24,7 @@ said of the begin of a track: he had been nowhere before.
 """
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -33,13 +33,13 @@ from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.boxes import covered
 from scene4d.searching.predicates._gaussian import ndtr
 from scene4d.searching.predicates._meeting import expand
-from scene4d.searching.predicates.stage import Stage
+from scene4d.searching.predicates.stage import Stage, all_finite
 
 # Chosen by hand before any footage was searched with them, except where it is said.
 _SPEEDS_MPS = (0.7, 1.4)
 """A stroll, and somebody who walks somewhere."""
 _DIRECTIONS = 8
-_WAITS_S = (0.0, 3.0, 10.0, 30.0)
+_WAITS_S = (0, 3, 10, 30)
 _WAIT_SHARES = (0.5, 0.15, 0.1, 0.1)
 """How many walk on after such a pause; the others stay where they are."""
 _LOOKS = 60
@@ -137,9 +137,9 @@ class Afterwards:
 
     def _followed(self, row: int) -> tuple[float, float]:
         tracks, sign = self.stage.tracks, 1.0 if self.last else -1.0
-        way_m, share = _ways()
+        reached_m, place, share = _ways()
         time_s = tracks.time_s[row] + sign * np.arange(1, _LOOKS + 1)
-        seen = _SEEN_MOST * self._visible(tracks.xy_m[row] + way_m, time_s)
+        seen = _SEEN_MOST * self._visible(tracks.xy_m[row] + reached_m, place, time_s)
         unseen = np.vstack([np.ones(len(share)), np.cumprod(1 - seen, axis=0)])
         since = sign * (tracks.time_s[self.others.row] - tracks.time_s[row])
         mine = self.stage.track_of_row[row] == self.others.track
@@ -147,11 +147,12 @@ class Afterwards:
         look = np.clip(np.ceil(since[later]).astype(int) - 1, 0, _LOOKS - 1)
         first_seen = (unseen[look] - unseen[look + 1]) * share
         other = self.others.row[later]
-        away = tracks.xy_m[other][:, None] - tracks.xy_m[row] - way_m[look]
+        away_m = tracks.xy_m[other] - tracks.xy_m[row]
+        apart_m2 = _squares_m2(away_m, reached_m)[np.arange(len(later))[:, None], place[look]]
         errors = np.trace(tracks.covariance_m2[other] + tracks.covariance_m2[row], 0, 1, 2) / 2
-        way = np.linalg.norm(way_m[look], axis=-1)
-        variance = _SPREAD_M**2 + (_FAN_SPREAD * way) ** 2 + errors[:, None]
-        bell = np.exp(-(away**2).sum(axis=-1) / (2 * variance)) / (2 * np.pi * variance)
+        spread_m2 = _SPREAD_M**2 + (_FAN_SPREAD * np.linalg.norm(reached_m, axis=1)) ** 2
+        variance = spread_m2[place[look]] + errors[:, None]
+        bell = np.exp(-apart_m2 / (2 * variance)) / (2 * np.pi * variance)
         likelier = np.nan_to_num((first_seen * bell).sum(axis=1) / self._chance(other))
         again = self.others.about[later] * likelier / (1 + _COMPANY * likelier)
         never = float(share @ unseen[-1]) if self.stage.everybody else 1.0
@@ -163,27 +164,33 @@ class Afterwards:
         fill, and all others about where they begin: a bus stop sees more than a lawn.
         """
         tracks, begins = self.stage.tracks, self.others.row
-        away = tracks.xy_m[rows][:, None] - tracks.xy_m[begins]
-        bell = np.exp(-(away**2).sum(axis=-1) / (2 * _AROUND_M**2)) / (2 * np.pi * _AROUND_M**2)
+        apart_m2 = _squares_m2(tracks.xy_m[rows], tracks.xy_m[begins])
+        bell = np.exp(-apart_m2 / (2 * _AROUND_M**2)) / (2 * np.pi * _AROUND_M**2)
         about = np.where(rows[:, None] == begins, 0.0, np.nan_to_num(bell)).sum(axis=1)
         return np.asarray((1 / self._area_m2 + about) / max(np.diff(self.stage.span_s)[0], 1.0))
 
     @cached_property
     def _area_m2(self) -> float:
         xy = self.stage.tracks.xy_m
-        known = xy[np.isfinite(xy).all(axis=1)]
+        known = xy[all_finite(xy)]
         return 4 * np.pi * np.sqrt(max(float(np.linalg.det(np.cov(known.T))), 1.0))
 
     def _visible(
-        self, xy_m: Float[np.ndarray, "s w 2"], time_s: Float[np.ndarray, " s"]
+        self,
+        xy_m: Float[np.ndarray, "p 2"],
+        place: Int[np.ndarray, "s w"],
+        time_s: Float[np.ndarray, " s"],
     ) -> Float[np.ndarray, "s w"]:
-        """P(somebody upright is in view) at places and times; 0 outside the footage."""
+        """P(somebody upright is in view) at places, by their numbers, and times; 0 outside the
+        footage.
+        """
         box = self._upright(xy_m)
-        tall = box[..., 3] - box[..., 1]
+        tall = box[:, 3] - box[:, 1]
         frame = np.array([0.0, 0.0, *self.stage.image_size])
-        out = _enough(covered(box, frame))
+        whole = _enough(covered(box, frame))
         with np.errstate(invalid="ignore"):
-            out[~(tall >= self._smallest_px)] = 0.0
+            whole[~(tall >= self._smallest_px)] = 0.0
+        out = whole[place]
         first_s, last_s = self.stage.span_s
         out[(time_s < first_s) | (time_s > last_s)] = 0.0
         looks = np.flatnonzero(out.any(axis=1))
@@ -191,9 +198,9 @@ class Afterwards:
         looks, low, high = (one[high > low] for one in (looks, low, high))
         owner, seen = expand(low, high - low)
         cover = self.stage.tracks.box_xyxy[self._seen[seen]]
-        size = _BEFORE_SIGMA * np.maximum(tall, 1)
-        lower = (cover[:, None, 3] - box[looks[owner], :, 3]) / size[looks[owner]]
-        share = covered(box[looks[owner]], cover[:, None])
+        here = place[looks[owner]]
+        lower = (cover[:, None, 3] - box[here, 3]) / (_BEFORE_SIGMA * np.maximum(tall, 1))[here]
+        share = covered(box[here], cover[:, None])
         hides = ndtr(lower) * _NONE_COVERED
         over = np.nonzero(share > 0)
         hides[over] = ndtr(lower[over]) * _enough(share[over])
@@ -202,24 +209,22 @@ class Afterwards:
             out[looks] *= np.multiply.reduceat(np.nan_to_num(1 - hides), first, axis=0)
         return out
 
-    def _upright(self, xy_m: Float[np.ndarray, "s w 2"]) -> Float[np.ndarray, "s w 4"]:
+    def _upright(self, xy_m: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p 4"]:
         camera = self.stage.camera
         assert camera is not None
-        flat = xy_m.reshape(-1, 2)
         foot, head = (
-            camera.project(np.column_stack([flat, np.full(len(flat), height_m)]))[0]
+            camera.project(np.column_stack([xy_m, np.full(len(xy_m), height_m)]))[0]
             for height_m in (0.0, PERSON_HEIGHT_M)
         )
         half = _WIDTH_SHARE / 2 * (foot[:, 1] - head[:, 1])
         x = (foot[:, 0] + head[:, 0]) / 2
-        box = np.column_stack([x - half, head[:, 1], x + half, foot[:, 1]])
-        return box.reshape(*xy_m.shape[:2], 4)
+        return np.column_stack([x - half, head[:, 1], x + half, foot[:, 1]])
 
     @cached_property
     def _seen(self) -> Int[np.ndarray, "n"]:
         """Rows that show a box, by time."""
         tracks = self.stage.tracks
-        rows = np.flatnonzero(tracks.observed & np.isfinite(tracks.box_xyxy).all(axis=1))
+        rows = np.flatnonzero(tracks.observed & all_finite(tracks.box_xyxy))
         order: np.ndarray = rows[np.argsort(tracks.time_s[rows], kind="stable")]
         return order
 
@@ -228,8 +233,11 @@ class Afterwards:
     ) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k"]]:
         """From which to which of the rows that show a box, by time, belong to some moments."""
         times, reach = self._times, 0.501 * self.stage.step_s
-        low = np.searchsorted(times, time_s - reach)
-        return low, np.searchsorted(times, time_s + reach, side="right")
+        ends = time_s.min(initial=np.inf) - reach, time_s.max(initial=-np.inf) + reach
+        begin, end = np.searchsorted(times, ends[0]), np.searchsorted(times, ends[1], side="right")
+        near = times[begin:end]  # a day's do not fit the processor's memory
+        low = np.searchsorted(near, time_s - reach)
+        return begin + low, begin + np.searchsorted(near, time_s + reach, side="right")
 
     @cached_property
     def _times(self) -> Float[np.ndarray, "n"]:
@@ -252,14 +260,27 @@ def _enough(share: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
 _NONE_COVERED = float(_enough(np.zeros(1))[0])
 
 
-def _ways() -> tuple[Float[np.ndarray, "s w 2"], Float[np.ndarray, "w"]]:
-    """How far each way has led after each second, metres, and the share of people who take it."""
+def _squares_m2(
+    a: Float[np.ndarray, "m 2"], b: Float[np.ndarray, "n 2"]
+) -> Float[np.ndarray, "m n"]:
+    """Squared distances."""
+    x, y = (a[:, None, axis] - b[:, axis] for axis in (0, 1))
+    return np.asarray(x * x + y * y)
+
+
+@cache
+def _ways() -> tuple[Float[np.ndarray, "p 2"], Int[np.ndarray, "s w"], Float[np.ndarray, "w"]]:
+    """The places that ways lead to, metres from where they begin; the number of that which each way
+    has reached after each second, and the share of people who take it.
+    """
     angle = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     unit = np.column_stack([np.cos(angle), np.sin(angle)])
-    time_s = np.arange(1, _LOOKS + 1)[:, None, None]
-    ways, shares = [np.zeros((_LOOKS, 1, 2))], [np.array([1 - sum(_WAIT_SHARES)])]
+    far_m = np.arange(_LOOKS + 1)[:, None] * np.array(_SPEEDS_MPS)
+    reached_m = (far_m[:, :, None, None] * unit).reshape(-1, 2)
+    fan = len(_SPEEDS_MPS) * _DIRECTIONS
+    time_s = np.arange(1, _LOOKS + 1)[:, None]
+    places, shares = [np.zeros((_LOOKS, 1), int)], [np.array([1 - sum(_WAIT_SHARES)])]
     for wait_s, share in zip(_WAITS_S, _WAIT_SHARES, strict=True):
-        for speed_mps in _SPEEDS_MPS:
-            ways.append(np.maximum(time_s - wait_s, 0.0) * speed_mps * unit)
-            shares.append(np.full(_DIRECTIONS, share / (len(_SPEEDS_MPS) * _DIRECTIONS)))
-    return np.concatenate(ways, axis=1), np.concatenate(shares)
+        places.append(np.maximum(time_s - wait_s, 0) * fan + np.arange(fan))
+        shares.append(np.full(fan, share / fan))
+    return reached_m, np.hstack(places), np.concatenate(shares)

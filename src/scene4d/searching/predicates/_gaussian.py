@@ -20,7 +20,7 @@ def ndtr(z: Float[np.ndarray, "*m"]) -> Float[np.ndarray, "*m"]:
     SciPy's is faster by number, but loading it takes longer than the thousands of them that a
     search asks for.
     """
-    out = (z > 0).astype(float)
+    out = np.array(z > 0, float)
     inner = ~((z <= _ALL_BELOW) | (z >= _ALL_ABOVE))
     found = map(erfc, (z[inner] * -np.sqrt(0.5)).tolist())
     out[inner] = np.fromiter(found, float) / 2

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from scene4d.core.errors import InputError
-from scene4d.searching.predicates.stage import Stage
+from scene4d.searching.predicates.stage import Stage, all_finite
 
 _PIECE = 32
 """Moments of a piece, chosen by hand: few enough for a small box, enough for few pieces."""
@@ -77,8 +77,8 @@ def earlier(
     that a parked vehicle is one row.
     """
     tracks = stage.tracks
-    a = a[np.isfinite(tracks.xy_m[a]).all(axis=1)]
-    b = b[np.isfinite(tracks.xy_m[b]).all(axis=1)]
+    a = a[all_finite(tracks.xy_m[a])]
+    b = b[all_finite(tracks.xy_m[b])]
     fine = np.floor(tracks.xy_m[b] / (reach_m / 10)).astype(np.int64)
     speed = np.linalg.norm(tracks.velocity_mps[b], axis=1)
     track = stage.track_of_row[b]
@@ -136,7 +136,7 @@ def _close(
         end = np.searchsorted(b.window[order], a.window, side="right")
         i, at = expand(begin, end - begin)
         return i, order[at]
-    known = np.flatnonzero(np.isfinite(b.low).all(axis=1))
+    known = np.flatnonzero(all_finite(b.low))
     if len(known) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     low_x, window = b.low[known, 0], b.window[known]
@@ -148,7 +148,7 @@ def _close(
     base = min(int(a.window.min()), int(window.min()))
     order = np.argsort((window - base) * wide + (low_x - left), kind="stable")
     axis = ((window - base) * wide + (low_x - left))[order]
-    finite = np.isfinite(a.low).all(axis=1)
+    finite = all_finite(a.low)
     x_low = np.where(finite, a.low[:, 0] - left, 0.0)
     x_high = np.where(finite, a.high[:, 0] - left, 0.0)
     place = (a.window - base) * wide

@@ -44,7 +44,7 @@ from scene4d.searching.predicates._gaussian import ndtr
 from scene4d.searching.predicates._meeting import expand
 from scene4d.searching.predicates._posture import stooping
 from scene4d.searching.predicates._riding import drives_ratio, riding
-from scene4d.searching.predicates.stage import Stage, StageRows
+from scene4d.searching.predicates.stage import Stage, StageRows, all_finite
 
 # Means and softness of the factors above: times in seconds, lengths as shares of a box's size.
 _END_SIGMA_S = 1.0
@@ -237,7 +237,7 @@ def _ends(stage: Stage, last: bool) -> _Ends:
     box = np.full((count, 4), np.nan)
     hidden, whom = np.zeros((count, 2)), np.full((count, 2), -1)
     at, touched = np.full(count, -1), np.zeros(count)
-    seen = np.flatnonzero(tracks.observed & np.isfinite(tracks.box_xyxy).all(axis=1))
+    seen = np.flatnonzero(tracks.observed & all_finite(tracks.box_xyxy))
     if not len(seen):
         return _Ends(at, time_s, box, free, still, hidden, whom, touched, seen)
     owner = stage.track_of_row[seen]

@@ -199,6 +199,16 @@ def ticks_of(time_s: Float[np.ndarray, "n"], step_s: float) -> Int[np.ndarray, "
     return np.ceil((time_s - time_s.min()) / step_s - (0.5 + _ROUNDING)).astype(np.int64)
 
 
+def all_finite(values: Float[np.ndarray, "n k"]) -> Bool[np.ndarray, "n"]:
+    """Whether a row is finite throughout. Column by column: along rows of two or four, a reduction
+    takes ten times as long.
+    """
+    found = np.isfinite(values[:, 0])
+    for column in values.T[1:]:
+        found &= np.isfinite(column)
+    return np.asarray(found)
+
+
 class Factors:
     """Camera factors of rows, each worked out when it is first asked for: of a day, a search asks
     for those of the few rows that come near one another. NaN without a place.
