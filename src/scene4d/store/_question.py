@@ -9,6 +9,7 @@ from typing import Any, TypedDict
 import numpy as np
 
 from scene4d.core.errors import InputError
+from scene4d.core.text import quoted
 from scene4d.store.runs import Part, Run
 from scene4d.store.schema import COLOURS, COLUMNS, KEYPOINT_COLUMNS
 
@@ -110,6 +111,18 @@ def conditions_of(asked: Question) -> list[str]:
     if observed is not None:
         conditions.append("observed" if observed else "NOT observed")
     return conditions
+
+
+def check_select(query: str) -> None:
+    """Raise :class:`InputError` for anything but a single SELECT."""
+    import duckdb
+
+    try:
+        statements = duckdb.extract_statements(query)
+    except duckdb.Error as error:
+        raise InputError(f"query: {error}") from error
+    if [one.type for one in statements] != [duckdb.StatementType.SELECT]:
+        raise InputError(f"query: found {quoted(query)}, expected one SELECT")
 
 
 def source_of(parts: Sequence[tuple[Stored, Part]]) -> str:

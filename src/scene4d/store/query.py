@@ -28,6 +28,7 @@ from scene4d.store._question import (
     Question,
     Stored,
     check_range,
+    check_select,
     check_there,
     conditions_of,
     name_sql,
@@ -231,7 +232,7 @@ class Scene:
         A query reads only the scene and writes nothing. Raises :class:`InputError` if DuckDB
         rejects it.
         """
-        _check_select(query)
+        check_select(query)
 
         def answer(cursor: Any, parts: Parts) -> Any:
             cursor.execute(f"CREATE OR REPLACE TEMP VIEW scene AS {source_of(parts)}")
@@ -339,18 +340,6 @@ class Scene:
                 raise InputError(
                     f"{path}: is damaged: {quoted(str(error))}; remove the run and track again"
                 ) from None
-
-
-def _check_select(query: str) -> None:
-    """Raise :class:`InputError` for anything but a single SELECT."""
-    import duckdb
-
-    try:
-        statements = duckdb.extract_statements(query)
-    except duckdb.Error as error:
-        raise InputError(f"query: {error}") from error
-    if [one.type for one in statements] != [duckdb.StatementType.SELECT]:
-        raise InputError(f"query: found {quoted(query)}, expected one SELECT")
 
 
 def _stored_of(

@@ -6,6 +6,7 @@ float64, keypoints as float32, which resolves 0.0003 pixels in an image 4096 wid
 """
 
 import io
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -217,16 +218,25 @@ def from_table(table: Table, rows: Int[np.ndarray, "m"] | None = None) -> Tracks
     n = table.num_rows if rows is None else len(rows)
     there = set(table.column_names)
 
-    def column(name: str) -> np.ndarray:
-        values: np.ndarray = _numpy(table, name)[taken]
-        return values
+    places = _places(table, rows)
+
+    def column(name: str, into: np.ndarray | None = None) -> np.ndarray:
+        # Chunk by chunk to where it belongs: whole columns would be copied once more.
+        for chunk, (kept, place) in zip(table[name].chunks, places, strict=True):
+            values = np.asarray(chunk.to_numpy())
+            into = np.empty(n, values.dtype) if into is None else into
+            into[place] = values[kept]
+        return _numpy(table, name) if into is None else into
 
     def columns(*names: str) -> np.ndarray:
-        if names[0] not in there:
+        if names[0] not in there or all(_is_unknown(table, name) for name in names):
             return np.broadcast_to(np.nan, (n, len(names)))
         found = np.empty((n, len(names)))
-        for place, name in enumerate(names):
-            found[:, place] = column(name)
+        for one, name in enumerate(names):
+            if name in names[:one]:
+                found[:, one] = found[:, names.index(name)]
+            else:
+                column(name, found[:, one])
         return found
 
     def matrices(prefix: str) -> np.ndarray:
@@ -263,6 +273,24 @@ def from_table(table: Table, rows: Int[np.ndarray, "m"] | None = None) -> Tracks
         size_sigma_m=columns("length_sigma_m", "width_sigma_m", "height_sigma_m"),
         colours=colours.astype(np.float32),
     )
+
+
+def _is_unknown(table: Table, name: str) -> bool:
+    return all(np.isnan(np.asarray(chunk.to_numpy())).all() for chunk in table[name].chunks)
+
+
+def _places(table: Table, rows: Int[np.ndarray, "m"] | None) -> list[tuple[Any, Any]]:
+    """For each chunk of a table which of its rows are taken, and what numbers they then have."""
+    ends = np.cumsum([0, *map(len, table["track"].chunks)]).tolist()
+    parts = [slice(*span) for span in itertools.pairwise(ends)]
+    if rows is None:
+        return [(slice(None), part) for part in parts]
+    place = np.full(table.num_rows, -1)
+    place[rows] = np.arange(len(rows))
+    if len(rows) == len(place):
+        return [(slice(None), place[part]) for part in parts]
+    kept = [np.flatnonzero(place[part] >= 0) for part in parts]
+    return [(some, place[part][some]) for some, part in zip(kept, parts, strict=True)]
 
 
 def _class_names(table: Table, taken: Any) -> np.ndarray:
