@@ -139,7 +139,7 @@ def run_extras(python: Path, wheel: Path, place: Path) -> None:
     run([python, "-m", "pip", "--quiet", "install", f"{wheel}[app,pandas]"], cwd=ROOT, env=pinned())
     program = blocks("py")[0].replace('"scene"', '"scene-py"').replace("camera.json", "found.json")
     run([python, "-c", program], cwd=place)
-    words = [python.with_name("scene4d"), "serve", "scene", "--port", "0"]
+    words = [python.with_name("scene4d"), "serve", "scene4d-demo/scene", "--port", "0"]
     with subprocess.Popen(words, cwd=place, stderr=subprocess.PIPE, text=True) as server:
         try:
             told = []

@@ -1,6 +1,7 @@
 """A camera, people and a car that go their ways in front of it, and footage of the empty ground."""
 
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 
 import av
@@ -63,12 +64,15 @@ def mot_text(*, tracks: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
+@cache
 def ground(shift: int = 0) -> np.ndarray:
     """A picture with corners everywhere, moved to the right by some pixels."""
     rng = np.random.default_rng(0)
     blocks = rng.integers(30, 220, (SIZE[1] // 16, SIZE[0] // 16 + 8, 3), dtype=np.uint8)
     image = np.kron(blocks, np.ones((16, 16, 1), np.uint8))
-    return np.ascontiguousarray(image[:, 64 - shift : 64 - shift + SIZE[0]])
+    picture = np.ascontiguousarray(image[:, 64 - shift : 64 - shift + SIZE[0]])
+    picture.setflags(write=False)
+    return picture
 
 
 def write_video(

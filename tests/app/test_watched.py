@@ -21,15 +21,20 @@ HERE = Path(__file__).parents[1]
 WATCH = """
 import sys
 sys.path[:0] = sys.argv[1:3]
-from conftest import Perfect
+from conftest import Perfect, play_endless
 import scene4d.perception.objects as objects, scene4d.calibration.watching as watching
 objects.ObjectDetector.default = lambda **_: Perfect()
 watching.fetch_weights = lambda *_, **__: None
+import time
+from scene4d.video.live import LiveSource
+LiveSource._play = play_endless
+look = Perfect.look
+Perfect.look = lambda self, frame: (time.sleep(0.1 * (frame.index > 30)), look(self, frame))[1]
 from scene4d.cli import main
 sys.argv = ["scene4d", "watch", *sys.argv[3:]]
 main()
 """
-"""The command with a detector that knows the answer: two people and a car."""
+"""The command with a detector that knows the answer: two people and a car, until it is ended."""
 
 
 @pytest.fixture
@@ -59,7 +64,7 @@ def test_a_camera_that_is_watched_comes_into_the_page_by_itself(opened, tmp_path
     write_scene(scene, people(), provenance={"rate_hz": 10})
     expect(page.locator("#run-choice option")).to_have_count(1)
     CAMERA.save(tmp_path / "camera.json")
-    video = write_video(tmp_path / "yard.avi", seconds=6)
+    video = write_video(tmp_path / "yard.avi", seconds=1)
     words = ["--camera", "camera.json", "--out", str(scene), "--name", "yard", "--search"]
     expect(page.locator("#live")).to_have_attribute("data-state", "connected")
     assert page.locator("#fleet-toggle").is_hidden()  # one camera
@@ -78,6 +83,7 @@ def test_a_camera_that_is_watched_comes_into_the_page_by_itself(opened, tmp_path
         expect(page.locator("#tracks-count")).to_have_text("3 of 3 tracks")
         early = float(page.locator("#timeline").get_attribute("aria-valuemax"))
         assert watching.poll() is None, "they came while it was watched"
+        watching.send_signal(signal.SIGTERM)
         assert watching.wait(30) == 0
     expect(page.locator(".event").first).to_contain_text("person")
     page.keyboard.press("c")

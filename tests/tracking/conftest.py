@@ -1,13 +1,16 @@
 """A detector that knows the answer, and the camera's file."""
 
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from scene4d.perception.objects import ObjectDetector
-from walks import CAMERA, FPS, SECONDS, detections
+from scene4d.video.frames import Frame
+from scene4d.video.live import LiveSource
+from walks import CAMERA, FPS, SECONDS, detections, ground
 
 
 class Perfect:
@@ -40,6 +43,41 @@ class Perfect:
 
     def looks(self, frames):
         return ((frame.index, frame.time_s, *self.look(frame)) for frame in frames)
+
+
+def play_paced(live: LiveSource, source) -> None:
+    """A camera that waits for whoever looks: each frame comes when the one before was taken. So
+    none is dropped, however busy the machine is, and nobody waits for a clock.
+    """
+    for frame in source.frames():
+        while live._newest is not None and not live._stopping.wait(0.001):
+            pass
+        if live._stopping.is_set():
+            return
+        live._offer(frame)
+
+
+class Endless:
+    """Footage of the empty ground that does not end."""
+
+    @staticmethod
+    def frames():
+        return (Frame(index, index / FPS, ground()) for index in count())
+
+
+def play_endless(live: LiveSource, source) -> None:
+    """The same of footage that does not end."""
+    play_paced(live, Endless)
+
+
+@pytest.fixture
+def paced(monkeypatch):
+    monkeypatch.setattr(LiveSource, "_play", play_paced)
+
+
+@pytest.fixture
+def endless(monkeypatch):
+    monkeypatch.setattr(LiveSource, "_play", play_endless)
 
 
 @pytest.fixture

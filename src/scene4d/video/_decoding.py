@@ -1,10 +1,13 @@
 """PyAV steps shared by files and streams."""
 
+import threading
 from collections.abc import Iterator
 from typing import Any
 
 import av
 import numpy as np
+from av.sidedata.sidedata import SideDataContainer
+from av.video.reformatter import VideoReformatter
 from jaxtyping import UInt8
 
 from scene4d.core.errors import InputError
@@ -12,6 +15,18 @@ from scene4d.video.frames import check_picture_size
 
 _NOT_FOOTAGE = frozenset({"tty", "concat"})
 """FFmpeg "decodes" any text file as terminal output; concat lists open other files."""
+
+
+class _Converter(threading.local):
+    """FFmpeg's converter of pixels: one a thread, since a new one for each frame takes four times
+    as long as the frame, and begins threads of its own.
+    """
+
+    def __init__(self) -> None:
+        self.to = VideoReformatter()
+
+
+_CONVERTER = _Converter()
 
 
 def video_stream(container: Any, name: str) -> Any:
@@ -91,8 +106,10 @@ def upright_bgr(frame: Any, name: str) -> UInt8[np.ndarray, "h w 3"]:
     (ISO 14496-12, 6.2.2; FFmpeg's libavutil/display.h).
     """
     check_picture_size(frame.width, frame.height, name)
-    image: np.ndarray = frame.to_ndarray(format="bgr24")
-    matrix = frame.side_data.get("DISPLAYMATRIX")
+    image: np.ndarray = _CONVERTER.to.reformat(frame, format="bgr24").to_ndarray()
+    # Not frame.side_data: frame and side data would hold each other, and the picture, until Python
+    # looks for such cycles, which is seldom in a program that runs for hours.
+    matrix = SideDataContainer(frame).get("DISPLAYMATRIX")
     if matrix is None:
         return image
     values = np.frombuffer(bytes(matrix), np.int32).reshape(3, 3)[:2, :2]
