@@ -109,7 +109,8 @@ def upright_bgr(frame: Any, name: str) -> UInt8[np.ndarray, "h w 3"]:
     image: np.ndarray = _CONVERTER.to.reformat(frame, format="bgr24").to_ndarray()
     # Not frame.side_data: frame and side data would hold each other, and the picture, until Python
     # looks for such cycles, which is seldom in a program that runs for hours.
-    matrix = SideDataContainer(frame).get("DISPLAYMATRIX")
+    held: Any = SideDataContainer  # its stub lacks the frame
+    matrix = held(frame).get("DISPLAYMATRIX")
     if matrix is None:
         return image
     values = np.frombuffer(bytes(matrix), np.int32).reshape(3, 3)[:2, :2]
