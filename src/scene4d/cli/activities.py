@@ -21,7 +21,7 @@ def activities(
         ),
     ] = None,
 ) -> Answer:
-    """List the activities and states that search knows, with an example search for each.
+    """List what search understands, with examples: activities, states, and ways to say more.
 
     [bold]Examples[/bold]
 
@@ -29,7 +29,7 @@ def activities(
       scene4d activities --catalogue mine.yaml --json
     """
     from scene4d.searching.activities.catalogue import load_catalogue
-    from scene4d.searching.language import state_examples
+    from scene4d.searching.language import state_examples, ways_to_say
 
     rows = [
         {
@@ -41,10 +41,14 @@ def activities(
         for one in load_catalogue(*(catalogue or ())).values()
     ]
     states = [{"predicates": said, "phrase": phrase} for said, phrase in state_examples()]
-    return Answer({"activities": rows, "states": states}, lambda: _show(rows, states))
+    ways = {name: list(examples) for name, examples in ways_to_say().items()}
+    fields = {"activities": rows, "states": states, "ways": ways}
+    return Answer(fields, lambda: _show(rows, states, ways))
 
 
-def _show(rows: list[dict[str, Any]], states: list[dict[str, str]]) -> None:
+def _show(
+    rows: list[dict[str, Any]], states: list[dict[str, str]], ways: dict[str, list[str]]
+) -> None:
     with screen() as console:
         for row in rows:
             console.print(row["name"], style="bold")
@@ -58,3 +62,9 @@ def _show(rows: list[dict[str, Any]], states: list[dict[str, str]]) -> None:
         for row in states:
             console.print(f'  scene4d search SCENE "{row["phrase"]}"', style="dim", soft_wrap=True)
             console.print(f"    {row['predicates']}", markup=False, soft_wrap=True)
+        console.print()
+        console.print("Ways to say more; docs/search-language.md has all", style="bold")
+        for name, examples in ways.items():
+            console.print(f"  {name}")
+            for phrase in examples:
+                console.print(f'    scene4d search SCENE "{phrase}"', style="dim", soft_wrap=True)

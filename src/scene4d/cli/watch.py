@@ -89,7 +89,8 @@ def watch(
         list[str] | None,
         typer.Option(
             metavar="WORDS",
-            help='What to search for meanwhile, as "person enters vehicle". Repeatable.',
+            help='What to search for meanwhile, as "person enters vehicle". Repeatable. Searches '
+            "kept in the scene (SCENE/standing.json, which the page writes) are looked for too.",
             rich_help_panel=_ASKED,
             show_default=False,
         ),

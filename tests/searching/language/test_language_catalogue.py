@@ -11,7 +11,7 @@ from scene4d.core.errors import InputError
 from scene4d.searching.activities._terms import check_term
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
-from scene4d.searching.language import parse_query
+from scene4d.searching.language import parse_query, ways_to_say
 from scene4d.searching.language._lexicon import base_forms, read_lexicon
 from scene4d.searching.language._phrases import spelled
 from scene4d.searching.predicates._registry import PREDICATES
@@ -148,6 +148,12 @@ def test_the_example_of_a_state_says_it(number):
     query = parse_query(entry.example, CATALOGUE, zones, lines)
     said = {term.predicate for term in query.activity.terms}
     assert {term.predicate for term in entry.holds} <= said, query.predicates
+
+
+def test_every_example_of_a_way_to_say_more_is_understood():
+    for phrases in ways_to_say().values():
+        for phrase in phrases:
+            assert parse_query(phrase, CATALOGUE, ("NAME",)).predicates
 
 
 def test_words_of_the_lexicon_are_base_forms_or_stand_for_themselves():

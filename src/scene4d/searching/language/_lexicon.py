@@ -16,7 +16,7 @@ from scene4d.searching.activities._terms import parse_term, term_text
 from scene4d.searching.activities.definition import Term
 from scene4d.searching.predicates._registry import PREDICATES
 
-_TABLES = ("pronouns", "articles", "things", "sets", "day", "colours")
+_TABLES = ("pronouns", "articles", "things", "sets", "day", "colours", "ways")
 _VERB_BEFORE_NOUN = ("VERB", "AUX", "NOUN", "ADJ", "ADV")
 
 
@@ -105,6 +105,7 @@ class Lexicon:
     clock: Mapping[str, str]
     day: Mapping[str, tuple[str, str]]
     assumed: Mapping[str, float]
+    ways: Mapping[str, tuple[str, ...]]
 
     def noun(self, word: str) -> _NounEntry | None:
         """The entry that has this word."""
@@ -119,6 +120,11 @@ def state_examples() -> list[tuple[str, str]]:
     """The predicates of each state of the lexicon as text, and a search for it."""
     states = read_lexicon().states
     return [(" and ".join(map(term_text, entry.holds)), entry.example) for entry in states]
+
+
+def ways_to_say() -> Mapping[str, tuple[str, ...]]:
+    """What else can be said, beside or between activities and states, with examples."""
+    return read_lexicon().ways
 
 
 @cache
