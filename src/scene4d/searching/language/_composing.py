@@ -4,11 +4,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from scene4d.core.errors import InputError
 from scene4d.searching.language._discourse import Discourse
 from scene4d.searching.language._doing import activity_of
 from scene4d.searching.language._pieces import (
     Piece,
+    choose,
     during,
     exclude,
     in_order,
@@ -38,44 +38,38 @@ def compose(order: Chain | Choice, discourse: Discourse) -> Piece:
     """The search as one piece. Of several readings the likeliest that makes sense is taken, with a
     note on the others. Raises :class:`InputError` where none makes sense.
     """
-    return _chosen(order, discourse, _whole)
+    return _fewest(order, discourse, _whole)
 
 
 def _whole(chain: Chain, discourse: Discourse) -> Piece:
-    piece = _chain(chain, discourse)
+    piece = _step(chain, discourse)
     if piece.delay is not None:
         said = discourse.said(piece.delay.span)
-        what = (
-            f'"{said}" of what? Say first what comes before, as in "vehicle stops, then {said} ..."'
-        )
+        what = f'{{}} of what? Say first what comes before, as in "vehicle stops, then {said} ..."'
         raise discourse.refuse(piece.delay.span, what)
     return piece
 
 
-def _chosen(
+def _fewest(
     node: Chain | Joined | Choice, discourse: Discourse, read: Callable[[Any, Discourse], Piece]
 ) -> Piece:
     """The reading with the fewest people; a note where another means something else."""
-    found = discourse.trying(options_of(node), read)
-    _, piece, known = min(found, key=lambda item: len(item[2].people))
-    discourse.adopt(known)
-    others = {other.label for _, other, _ in found} - {piece.label}
-    if others:
-        discourse.note(f'it is taken as "{piece.label}"; it could be {_listed(others)}')
-    return piece
+    return choose(options_of(node), read, discourse, "it", lambda _, known: len(known.people))
 
 
-def _chain(chain: Chain, discourse: Discourse) -> Piece:
+def _step(chain: Joined | Chain, discourse: Discourse) -> Piece:
+    """What comes in order, or what is so at the same time."""
+    if isinstance(chain, Joined):
+        return _joined(chain, discourse)
     whole, *pieces = _steps(chain, discourse)
     for piece, pause, word in zip(pieces, chain.pauses, chain.words, strict=True):
         if pause is None and piece.delay is not None:
             pause = piece.delay.seconds
         if pause is None:
             pause = discourse.assumed("then_s" if word == "then" else "before_s")
-            discourse.note(
-                f'"{word}" is taken as at most {pause:g} s later; say for example '
-                f'"{_with_pause(word)}" for another pause'
-            )
+            other = "then within 10 seconds" if word == "then" else f"within 10 seconds {word}"
+            what = f'"{word}" is taken as at most {pause:g} s later; say for example'
+            discourse.note(f'{what} "{other}" for another pause')
         whole = in_order(whole, piece, pause)
     return whole
 
@@ -86,16 +80,12 @@ def _steps(chain: Chain, discourse: Discourse) -> list[Piece]:
     """
 
     def read(order: int, known: Discourse) -> list[Piece]:
-        return [_chosen(step, known, _step) for step in chain.steps[::order]][::order]
+        return [_fewest(step, known, _step) for step in chain.steps[::order]][::order]
 
     orders = (-1, 1) if chain.is_turned else (1,)
     _, pieces, known = discourse.trying(orders, read)[0]
     discourse.adopt(known)
     return pieces
-
-
-def _step(step: Joined | Chain, discourse: Discourse) -> Piece:
-    return _chain(step, discourse) if isinstance(step, Chain) else _joined(step, discourse)
 
 
 def _joined(joined: Joined, discourse: Discourse) -> Piece:
@@ -164,9 +154,9 @@ def _is_moment_in(inner: Piece, outer: Piece, discourse: Discourse) -> bool:
 
 def _and_then(first: Piece, second: Piece, discourse: Discourse) -> Piece:
     pause = discourse.assumed("then_s")
+    what = f'"and" between "{first.label}" and "{second.label}" is taken as "then", at most'
     discourse.note(
-        f'"and" between "{first.label}" and "{second.label}" is taken as "then", at most '
-        f'{pause:g} s later; say "then", or "is ..." for what is so at the same time'
+        f'{what} {pause:g} s later; say "then", or "is ..." for what is so at the same time'
     )
     return in_order(first, second, pause)
 
@@ -188,22 +178,14 @@ def _clause(clause: Clause | Choice, discourse: Discourse) -> Piece:
         for option in options_of(clause)
         for core in options_of(option.core)
     ]
-    found = discourse.trying(readings, _read)
-    found.sort(key=lambda item: _rank(item[0]))
-    _, piece, known = found[0]
-    discourse.adopt(known)
-    others = {other.label for _, other, _ in found[1:]} - {piece.label}
-    if others:
-        said = discourse.said(_span(clause))
-        discourse.note(f'"{said}" is taken as "{piece.label}"; it could be {_listed(others)}')
-    return piece
+    what = f'"{discourse.said(_span(clause))}"'
+    return choose(readings, _read, discourse, what, lambda one, _: _rank(one))
 
 
 def _read(clause: Clause, discourse: Discourse) -> Piece:
-    delay = next((part for part in clause.modifiers if isinstance(part, Delay)), None)
+    delay = next(iter(clause.parts(Delay)), None)
     if clause.core is None:
-        said = discourse.said(clause.span)
-        what = f'"{said}" does what? Say for example "a person stands for 10 seconds"'
+        what = '{} does what? Say for example "a person stands for 10 seconds"'
         raise discourse.refuse(clause.span, what)
     clause = with_spots(clause, discourse, _clause)
     _check_exactly(clause, discourse)
@@ -219,8 +201,8 @@ def _read(clause: Clause, discourse: Discourse) -> Piece:
 def _check_exactly(clause: Clause, discourse: Discourse) -> None:
     """Refuse exactly so many who do something, or are something to one another."""
     core = clause.core
-    mutual = isinstance(core, Said) and core.entry.mutual
-    mutual |= any(isinstance(one, Said) and one.entry.mutual for one in clause.modifiers)
+    said = [one for one in (core, *clause.modifiers) if isinstance(one, Said)]
+    mutual = any(one.entry.mutual for one in said)
     nouns = clause.subjects if isinstance(core, Done) or mutual else ()
     nouns += core.nouns if isinstance(core, Done) else ()
     for noun in nouns:
@@ -241,20 +223,18 @@ def _done(clause: Clause, done: Done, discourse: Discourse) -> Piece:
         clause, done = replace(clause, subjects=nouns[:1]), replace(done, nouns=others)
         return activity_of(clause, done, discourse)
 
-    def apart(_: None, known: Discourse) -> Piece:
+    def apart(known: Discourse) -> Piece:
         first = activity_of(replace(clause, subjects=nouns[:1]), done, known)
         objects = tuple(replace(n, article="definite", count=1) for n in done.nouns)
         again = replace(done, nouns=objects)
         second = activity_of(replace(clause, subjects=nouns[1:]), again, known)
         return _and_then(first, second, known)
 
-    def whole(_: None, known: Discourse) -> Piece:
+    def whole(known: Discourse) -> Piece:
         return activity_of(clause, done, known)
 
-    try:
-        ((_, piece, known),) = discourse.trying([None], whole)
-    except InputError:
-        ((_, piece, known),) = discourse.trying([None], apart)
+    ways = discourse.trying((whole, apart), lambda way, known: way(known))
+    _, piece, known = ways[0]
     discourse.adopt(known)
     return piece
 
@@ -266,7 +246,7 @@ def _rank(clause: Clause) -> tuple[int, int, bool]:
     of its own.
     """
     core = clause.core
-    is_timed = any(isinstance(part, Lasting) for part in clause.modifiers)
+    is_timed = bool(clause.parts(Lasting))
     wants_state = clause.polarity.is_denied or clause.polarity.is_state or is_timed
     if isinstance(core, Done):
         passive = any(one.is_passive for one in core.meant)
@@ -278,11 +258,3 @@ def _rank(clause: Clause) -> tuple[int, int, bool]:
 def _span(clause: Clause | Choice) -> Span:
     span: Span = options_of(clause)[0].span
     return span
-
-
-def _listed(others: set[str]) -> str:
-    return ", ".join(f'"{name}"' for name in sorted(others))
-
-
-def _with_pause(word: str) -> str:
-    return "then within 10 seconds" if word == "then" else f"within 10 seconds {word}"

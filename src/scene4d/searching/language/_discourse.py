@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from scene4d.core.errors import InputError
 from scene4d.searching.activities.definition import Role, Spot, Term
@@ -21,16 +21,15 @@ _Meant = TypeVar("_Meant")
 
 @dataclass(frozen=True)
 class _Referent:
-    """Somebody in a search: the name of the role, its kind, the classes that may play it, and at
-    least how many do so at the same time, or exactly; or that nobody does.
-    """
+    """Somebody in a search: the role that he plays, and his kind."""
 
-    name: str
+    role: Role
     kind: str
-    classes: tuple[str, ...]
-    count: int = 1
-    exactly: bool = False
-    absent: bool = False
+
+    @property
+    def classes(self) -> tuple[str, ...]:
+        """Who may play it."""
+        return self.role.classes
 
 
 @dataclass
@@ -56,15 +55,16 @@ class Discourse:
         return self.text[slice(*span)]
 
     def refuse(self, span: Span, what: str) -> InputError:
-        """The error for these words."""
-        return refuse(self.text, span[0], what)
+        """The error for these words, which stand in it for "{}"."""
+        return refuse(self.text, span[0], what.replace("{}", f'"{self.said(span)}"'))
 
     def assumed(self, name: str) -> float:
         """Seconds that nobody said."""
         return self.lexicon.assumed[name]
 
-    def note(self, note: str) -> None:
-        """Tell the reader, once."""
+    def note(self, note: str, span: Span = (0, 0)) -> None:
+        """Tell the reader, once; "{}" stands for the words at these characters."""
+        note = note.replace("{}", f'"{self.said(span)}"')
         if note not in self.notes:
             self.notes = (*self.notes, note)
 
@@ -91,22 +91,25 @@ class Discourse:
 
     def roles(self) -> tuple[Role, ...]:
         """Everybody as roles, in the order in which they came up."""
-        return tuple(
-            Role(one.name, one.classes, one.count, one.exactly, one.absent)
-            for one in self.people.values()
-        )
+        return tuple(one.role for one in self.people.values())
 
     def mention(self, name: str) -> None:
         """Somebody is spoken of again."""
         self.mentions = (*(other for other in self.mentions if other != name), name)
 
-    def add(self, kind: str, classes: Sequence[str], wanted: str, count: int = 1) -> str:
-        """Somebody new, under this name or the next that is free."""
+    def add(self, kind: str, classes: Sequence[str], wanted: str, **how: Any) -> str:
+        """Somebody new, under this name or the next that is free; ``how`` many as in a role."""
         name, number = wanted, 2
         while name in self.people:
             name, number = f"{kind}_{number}", number + 1
-        self.people[name] = _Referent(name, kind, tuple(classes), count)
+        self.people[name] = _Referent(Role(name, tuple(classes), **how), kind)
         self.mention(name)
+        return name
+
+    def add_usual(self, kind: str) -> str:
+        """Somebody of a kind of whom nothing is said."""
+        name = self.add(kind, self.lexicon.noun(kind).classes, kind)  # type: ignore[union-attr]
+        self.unsaid = (*self.unsaid, name)
         return name
 
     def add_nobody(self, noun: Noun) -> str:
@@ -114,9 +117,7 @@ class Discourse:
         if self.people:
             raise self.refuse(noun.span, NOBODY)
         wanted = {"person": "nobody", "any": "nothing"}.get(noun.kind, f"no_{noun.kind}")
-        name = self.add(noun.kind, noun.classes, wanted)
-        self.people[name] = replace(self.people[name], absent=True)
-        return name
+        return self.add(noun.kind, noun.classes, wanted, absent=True)
 
     def add_spot(self, spot: Spot, kind: str) -> None:
         """Where another one of a kind was."""
@@ -128,34 +129,29 @@ class Discourse:
         """Somebody known is said to be of these classes."""
         person = self.people[name]
         common = tuple(one for one in person.classes if one in classes)
-        self.people[name] = replace(person, classes=common)
+        self.people[name] = replace(person, role=replace(person.role, classes=common))
 
     def name_of(self, noun: Noun, besides: Collection[str]) -> str:
         """The name of a noun's role, of somebody new where nobody known is meant."""
         if noun.article == "reciprocal":
             raise self.refuse(noun.span, '"each other" needs two, such as "two people"')
-        if noun.word == "another":
-            noun = self._as_last(noun)
+        if noun.word == "another":  # it is one as the last that was named
+            if not self.mentions:
+                raise self.refuse(noun.span, '"another" what? Say "another person", for example')
+            last = self.people[self.mentions[-1]]
+            noun = replace(noun, kind=last.kind, classes=last.classes)
         name = self.meant(noun, noun.classes, besides)
         self.remark(noun)
         if name is None:
             wanted = "anything" if noun.kind == "any" else noun.kind
-            name = self.add(noun.kind, noun.classes, wanted, noun.count)
-            self.people[name] = replace(self.people[name], exactly=noun.exactly)
-            return name
-        if noun.count not in (1, self.people[name].count):
+            how = {"count": noun.count, "exactly": noun.exactly}
+            return self.add(noun.kind, noun.classes, wanted, **how)
+        if noun.count not in (1, self.people[name].role.count):
             raise self.refuse(noun.span, f"{name} was named before, and so many were not")
         if noun.classes:
             self.narrow(name, noun.classes)
         self.mention(name)
         return name
-
-    def _as_last(self, noun: Noun) -> Noun:
-        """ "Another" is one as the last that was named."""
-        if not self.mentions:
-            raise self.refuse(noun.span, '"another" what? Say "another person", for example')
-        last = self.people[self.mentions[-1]]
-        return replace(noun, kind=last.kind, classes=last.classes)
 
     def meant(self, noun: Noun, classes: Sequence[str], besides: Collection[str]) -> str | None:
         """The name of whom a noun refers to among those known, None for somebody new.
@@ -180,17 +176,15 @@ class Discourse:
         if noun.article == "indefinite" and fitting[-1] in self.unsaid:
             return fitting[-1]
         if noun.article == "indefinite":
-            self.note(
-                f'"{self.said(noun.span)}" is taken as somebody new; say "the {noun.word}" for '
-                f"{fitting[-1]}"
-            )
+            who = f'say "the {noun.word}" for {fitting[-1]}'
+            self.note(f"{{}} is taken as somebody new; {who}", noun.span)
             return None
         if noun.article == "other":
             return fitting[0] if len(fitting) > 1 else None
         chosen = ([name for name in self.subject if name in fitting] or fitting)[-1]
         if len(fitting) > 1:
             others = ", ".join(name for name in fitting if name != chosen)
-            self.note(f'"{self.said(noun.span)}" is taken as {chosen}; it could be {others}')
+            self.note(f"{{}} is taken as {chosen}; it could be {others}", noun.span)
         return chosen
 
     def remark(self, noun: Noun, may_be_plural: bool = False) -> None:
@@ -200,14 +194,10 @@ class Discourse:
             return
         if entry.note:
             self.note(f'"{noun.word}" is taken as any {entry.kind}: {entry.note}')
-        if noun.exactly:
-            pass  # it is said as it is meant
-        elif noun.count > 1:
-            self.note(
-                f'"{self.said(noun.span)}" is taken as at least {noun.count} at the same time'
-            )
-        elif noun.is_plural and not may_be_plural:
-            self.note(f'"{self.said(noun.span)}" is taken as one {noun.kind} at a time')
+        if noun.count > 1 and not noun.exactly:
+            self.note(f"{{}} is taken as at least {noun.count} at the same time", noun.span)
+        elif noun.is_plural and not (may_be_plural or noun.exactly):
+            self.note(f"{{}} is taken as one {noun.kind} at a time", noun.span)
         if not self.is_general(noun):
             *kinds, last = noun.classes
             listed = f"{', '.join(kinds)} and {last}" if kinds else last

@@ -1,5 +1,6 @@
 """Clauses with an activity of the catalogue."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -7,19 +8,16 @@ from scene4d.searching.activities.definition import Phase, Role, Term
 from scene4d.searching.language._discourse import Discourse
 from scene4d.searching.language._pieces import (
     Piece,
-    distinct,
+    choose,
     duration,
     speaks_of,
     with_first,
     with_names,
     with_parameter,
+    with_terms,
 )
-from scene4d.searching.language._saying import (
-    noun_terms,
-    pair_of,
-    terms_of,
-    with_distance,
-)
+from scene4d.searching.language._refusals import plain
+from scene4d.searching.language._saying import noun_terms, pair_of, terms_of, with_distances
 from scene4d.searching.language._sentences import (
     Bound,
     Clause,
@@ -31,28 +29,23 @@ from scene4d.searching.language._sentences import (
     Spoken,
     kind_of,
 )
-from scene4d.searching.language._voice import check_of_what, check_voice
 
 NOT_OF_ACTIVITIES = '"not" denies a state, such as "is not near a vehicle", not an activity'
 _COUNTS = 'say "at least 3 people" of what they are, as in "at least 3 people are in zone NAME"'
 _AFTERWARDS = "stays so"
+_OF_WHAT = ("leave", "enter", "exit")
+"""What may be done to a vehicle, a place or the view."""
 _Who = Noun | str
 """Who plays a role: a noun, or the name of a known participant."""
 
 
 def activity_of(clause: Clause, done: Done, discourse: Discourse) -> Piece:
     """The activity as a piece. Raises :class:`InputError` if no role assignment fits."""
-    found = discourse.trying(
-        done.meant, lambda spoken, known: _Reading(spoken, clause, done, known).piece()
-    )
-    _, piece, known = found[0]
-    discourse.adopt(known)
-    others = sorted({other.name for _, other, _ in found} - {piece.name})
-    if others:
-        listed = ", ".join(f'"{name}"' for name in others)
-        said = discourse.said(clause.span)
-        discourse.note(f'"{said}" is taken as "{piece.name}"; it could be {listed}')
-    return piece
+
+    def read(spoken: Spoken, known: Discourse) -> Piece:
+        return _Reading(spoken, clause, done, known).piece()
+
+    return choose(done.meant, read, discourse, f'"{discourse.said(clause.span)}"')
 
 
 @dataclass
@@ -68,7 +61,7 @@ class _Reading:
     def piece(self) -> Piece:
         """The activity with the roles, places, durations and distances of the clause."""
         activity, discourse = self.spoken.activity, self.discourse
-        check_voice(self.spoken, self.clause, self.done, discourse)
+        self._check_voice()
         filled = self._filled()
         names = self._names(filled)
         phases = tuple(with_names(phase, names) for phase in activity.phases)
@@ -87,6 +80,23 @@ class _Reading:
         discourse.subject = subjects
         return Piece(phases, True, activity.name, activity.relations)
 
+    def _check_voice(self) -> None:
+        """Refuse "is entering" for "is entered"."""
+        spoken, clause, discourse = self.spoken, self.clause, self.discourse
+        said = discourse.said(self.done.span)
+        is_active = re.match(r"(?!being)\w+ing\b", said) is not None
+        if said.casefold() == "left" and not clause.subjects:
+            what = '{} is a side here, or a past; say "turns left"'
+            raise discourse.refuse(self.done.span, what)
+        if spoken.is_passive:
+            has_be = clause.polarity.is_state or self.done.has_be or not spoken.has_subject
+            has_doer = any(discourse.said(p.span).startswith("by ") for p in clause.parts(Said))
+            is_wrong = is_active or (spoken.needs_be and (has_doer or not has_be))
+        else:
+            is_wrong = clause.polarity.is_state and not is_active and spoken.has_subject
+        if is_wrong:
+            raise discourse.refuse(clause.span, f'{spoken.activity.name} is not said "{said}"')
+
     # Who ------------------------------------------------------------------------------------------
 
     def _filled(self) -> dict[str, _Who]:
@@ -102,18 +112,18 @@ class _Reading:
             filled |= dict(zip(self._roles_of_subject(slot, subjects), subjects, strict=False))
             roles = roles[2 if slot.pair else 1 :]
         else:
-            self._check_doer()
+            kind = kind_of(spoken.activity.roles[0])
+            kinds = {self.discourse.people[name].kind for name in self.discourse.subject}
+            if kind != "any" and not kinds & {kind, "any"}:
+                self._known_doer(kind)
         for slot, noun, role in zip(slots, self.done.nouns, roles, strict=True):
             self._check(noun, slot)
             self._check_alone(noun)
             filled[role] = noun
         owner = self.done.owner
         if owner is not None:
-            fitting = [
-                role.name
-                for role in spoken.activity.roles
-                if role.name not in filled and owner.kind in (kind_of(role), "any")
-            ]
+            free = [role for role in spoken.activity.roles if role.name not in filled]
+            fitting = [role.name for role in free if owner.kind in (kind_of(role), "any")]
             if not fitting:
                 raise self.discourse.refuse(owner.span, f'"{owner.word}" has no part in this')
             filled[fitting[0]] = owner
@@ -133,25 +143,20 @@ class _Reading:
             drives = (nouns[0].kind, slot.kind) == ("person", "vehicle")
             is_known = nouns[0].article in ("definite", "pronoun", "bare")
             return (drives and is_known and self._last_known("vehicle")) or nouns
-        known_kinds = {discourse.people[name].kind for name in discourse.subject}
-        if known_kinds and (slot.kind == "any" or known_kinds <= {slot.kind, "any"}):
+        kinds = {discourse.people[name].kind for name in discourse.subject}
+        if kinds and (slot.kind == "any" or kinds <= {slot.kind, "any"}):
             return discourse.subject
-        known = self._last_known(slot.kind)
-        if not known and known_kinds:
-            said = discourse.said(self.clause.span)
-            raise discourse.refuse(self.clause.span, f'a {slot.kind} is expected: "{said}"')
+        known = self._known_doer(slot.kind)
         if not known:
-            said = discourse.said(self.clause.span)
-            discourse.note(f'nobody is named: "{said}" is taken of anybody who can')
+            discourse.note("nobody is named: {} is taken of anybody who can", self.clause.span)
         return known
 
-    def _check_doer(self) -> None:
-        """Refuse a verb without a subject that those of the clause before cannot do."""
-        discourse, kind = self.discourse, kind_of(self.spoken.activity.roles[0])
-        kinds = {discourse.people[name].kind for name in discourse.subject}
-        if kinds and kind != "any" and not kinds & {kind, "any"} and not self._last_known(kind):
-            said = discourse.said(self.clause.span)
-            raise discourse.refuse(self.clause.span, f'a {kind} is expected: "{said}"')
+    def _known_doer(self, kind: str) -> Sequence[_Who]:
+        """Who was named last and can do it; refused where those of the clause before cannot."""
+        known = self._last_known(kind)
+        if not known and self.discourse.subject:
+            raise self.discourse.refuse(self.clause.span, f"a {kind} is expected: {{}}")
+        return known
 
     def _is_of_two(self, slot: Slot) -> bool:
         """Whether the subjects may be two."""
@@ -174,8 +179,7 @@ class _Reading:
         people = self.discourse.people
         known = [name for name in self.discourse.mentions if people[name].kind == kind]
         if known:
-            said = self.discourse.said(self.clause.span)
-            self.discourse.note(f'"{said}" is taken of {known[-1]}')
+            self.discourse.note(f"{{}} is taken of {known[-1]}", self.clause.span)
         return known[-1:]
 
     def _counted(self, phases: tuple[Phase, ...]) -> tuple[Phase, ...]:
@@ -187,15 +191,10 @@ class _Reading:
     def _roles_of_subject(self, slot: Slot, subjects: Sequence[_Who]) -> Sequence[str]:
         """The roles of the subjects; the second of two takes a role that is not mentioned."""
         spoken = self.spoken
-        if slot.pair:
-            return spoken.roles[:2]
-        if len(subjects) < 2:
-            return spoken.roles[: len(subjects)]
-        free = [
-            role.name
-            for role in spoken.activity.roles
-            if role.name not in spoken.roles and kind_of(role) == slot.kind
-        ]
+        if slot.pair or len(subjects) < 2:
+            return spoken.roles[: 2 if slot.pair else len(subjects)]
+        others = [role for role in spoken.activity.roles if role.name not in spoken.roles]
+        free = [role.name for role in others if kind_of(role) == slot.kind]
         if not free:
             what = f"{spoken.activity.name} is done by one, not by two"
             raise self.discourse.refuse(self.clause.span, what)
@@ -256,8 +255,10 @@ class _Reading:
             return name
         might = {n for n, one in discourse.people.items() if set(one.classes) & set(role.classes)}
         fitting = [name for name in discourse.mentions if name in might and name not in taken]
-        if self.spoken.is_short and not fitting and (discourse.people or self.clause.subjects):
-            check_of_what(self.done, discourse)
+        is_short = self.spoken.is_short and plain(discourse.said(self.done.span)) in _OF_WHAT
+        if is_short and not fitting and (discourse.people or self.clause.subjects):
+            what = '{} what? Say a vehicle, a zone, or "the scene"'
+            raise discourse.refuse(self.done.span, what)
         if is_first or not fitting:
             return None
         discourse.note(f"the {role.name} is taken as {fitting[-1]}, named before")
@@ -295,15 +296,9 @@ class _Reading:
             if place.name is not None:
                 phases = with_parameter(phases, place.kind, place.name)
                 continue
-            default = sorted(
-                {
-                    str(term.parameters[place.kind])
-                    for phase in phases
-                    for term in phase.terms
-                    if place.kind in term.parameters
-                }
-            )
-            said = " and ".join(f'"{name}"' for name in default)
+            terms = [term.parameters for phase in phases for term in phase.terms]
+            names = sorted({f'"{said[place.kind]}"' for said in terms if place.kind in said})
+            said = " and ".join(names)
             self.discourse.note(f"the {place.kind} is taken as {said}, by the catalogue")
         return phases
 
@@ -315,23 +310,15 @@ class _Reading:
 
     def _modified(self, phases: tuple[Phase, ...], subjects: tuple[str, ...]) -> tuple[Phase, ...]:
         lasting = duration(self.clause, self.discourse)
-        is_timed = lasting.least is not None or lasting.most is not None
         state = self.spoken.activity.state
-        has_place = any(isinstance(part, Said) for part in self.clause.modifiers)
-        if self.spoken.activity.after and (is_timed or has_place):
-            phases, state = (*phases, self._afterwards()), _AFTERWARDS
-        for part in self.clause.modifiers:
-            if isinstance(part, Bound):
-                phases = self._within(phases, part)
-            elif isinstance(part, Said):
-                phases = self._also(phases, part, subjects, state)
-        return self._lasts(phases, lasting, state) if is_timed else phases
-
-    def _afterwards(self) -> Phase:
-        """What is so after the activity, as a phase of its own."""
-        terms = self.after
-        least_s = self.discourse.assumed("state_min_s")
-        return Phase(_AFTERWARDS, terms, least_s, gap_s=self.discourse.assumed("after_s"))
+        if self.spoken.activity.after and (lasting.is_said or self.clause.parts(Said)):
+            assumed = self.discourse.assumed
+            after = Phase(_AFTERWARDS, self.after, assumed("state_min_s"), gap_s=assumed("after_s"))
+            phases, state = (*phases, after), _AFTERWARDS
+        for said in self.clause.parts(Said):
+            phases = self._also(phases, said, subjects, state)
+        phases = with_distances(phases, self.clause.parts(Bound), self.discourse)
+        return self._lasts(phases, lasting, state) if lasting.is_said else phases
 
     def _also(
         self, phases: tuple[Phase, ...], said: Said, subjects: tuple[str, ...], state: str
@@ -340,34 +327,16 @@ class _Reading:
         every phase that mentions the subject.
         """
         if said.entry.instant:
-            words = self.discourse.said(said.span)
-            what = f'"{words}" is a moment; say "and then ..." for it'
+            what = '{} is a moment; say "and then ..." for it'
             raise self.discourse.refuse(said.span, what)
         if self.discourse.said(said.span).startswith("to "):
-            words = self.discourse.said(said.span)
-            raise self.discourse.refuse(said.span, f'"{words}" is said of who moves')
+            raise self.discourse.refuse(said.span, "{} is said of who moves")
         for subject in subjects:
             terms = terms_of(said, subject, self.discourse)
-            phases = tuple(
-                replace(phase, terms=distinct((*phase.terms, *terms)))
-                if (phase.name == state if state else speaks_of(phase, subject))
-                else phase
-                for phase in phases
-            )
+            is_meant = [p.name == state if state else speaks_of(p, subject) for p in phases]
+            each = zip(phases, is_meant, strict=True)
+            phases = tuple(with_terms(phase, terms) if so else phase for phase, so in each)
         return phases
-
-    def _within(self, phases: tuple[Phase, ...], bound: Bound) -> tuple[Phase, ...]:
-        has = [any(term.predicate == bound.predicate for term in phase.terms) for phase in phases]
-        if not any(has):
-            said, name = self.discourse.said(bound.span), self.spoken.activity.name
-            what = f'"{said}": {name} does not say how {bound.predicate}; say of whom'
-            raise self.discourse.refuse(bound.span, what)
-        return tuple(
-            replace(phase, terms=with_distance(phase.terms, bound, self.discourse))
-            if there
-            else phase
-            for phase, there in zip(phases, has, strict=True)
-        )
 
     def _lasts(self, phases: tuple[Phase, ...], lasting: Lasting, state: str) -> tuple[Phase, ...]:
         """Give the stated duration to the phase that the catalogue names, or the only one."""
@@ -375,17 +344,13 @@ class _Reading:
         names = [phase.name for phase in phases]
         if len(phases) > 1 and not state:
             named = ", ".join(f'"{name}"' for name in names)
-            raise self.discourse.refuse(
-                lasting.span,
-                f"which part of {activity.name} lasts so long ({named}) cannot be told",
-            )
+            what = f"which part of {activity.name} lasts so long ({named}) cannot be told"
+            raise self.discourse.refuse(lasting.span, what)
         at = names.index(state) if state else 0
         phase = phases[at]
-        most = float("inf") if lasting.most is None else lasting.most
-        least = min(phase.min_s, most) if lasting.least is None else lasting.least
         if len(phases) > 1:
-            said = self.discourse.said(lasting.span)
-            self.discourse.note(f'"{said}" is said of the phase "{phase.name}"')
+            self.discourse.note(f'{{}} is said of the phase "{phase.name}"', lasting.span)
+        least, most = lasting.within(phase.min_s, float("inf"))
         changed = replace(phase, min_s=least, max_s=most)
         return (*phases[:at], changed, *phases[at + 1 :])
 

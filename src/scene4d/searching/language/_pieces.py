@@ -1,7 +1,8 @@
 """The pieces of an activity, and how they are put together."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 from scene4d.searching.activities._terms import term_text
 from scene4d.searching.activities.definition import Phase, Relation, Term
@@ -9,6 +10,7 @@ from scene4d.searching.language._discourse import Discourse
 from scene4d.searching.language._sentences import Clause, Delay, Lasting
 
 _INFINITE = float("inf")
+_Option = TypeVar("_Option")
 
 
 @dataclass(frozen=True)
@@ -56,26 +58,34 @@ def state(
 ) -> Piece:
     """Terms that hold together, for the given duration, or else the usual or the assumed one."""
     terms = distinct(terms)
-    least = discourse.assumed("instant_min_s" if is_instant else "state_min_s")
-    least = least if usual_s is None else usual_s
+    least = usual_s or discourse.assumed("instant_min_s" if is_instant else "state_min_s")
     most = discourse.assumed("instant_max_s") if is_instant else _INFINITE
-    if lasting.least is not None:
-        least = lasting.least
-    elif lasting.most is not None:
-        least = min(least, lasting.most)
-    most = most if lasting.most is None else lasting.most
+    least, most = lasting.within(least, most)
     name = ("not " if terms[0].negated else "") + terms[0].predicate.replace("_", " ")
     phase = Phase(name, terms, least, max(least, most))
     return Piece((phase,), False, name, (), lasting.least, lasting.most, is_instant)
 
 
+def choose(
+    options: Iterable[_Option],
+    read: Callable[[_Option, Discourse], Piece],
+    discourse: Discourse,
+    what: str,
+    rank: Callable[[_Option, Discourse], Any] = lambda *_: 0,
+) -> Piece:
+    """What the likeliest reading means; a note says of ``what``, and what else it could be."""
+    found = sorted(discourse.trying(options, read), key=lambda one: rank(one[0], one[2]))
+    _, piece, known = found[0]
+    discourse.adopt(known)
+    others = sorted({f'"{other.label}"' for _, other, _ in found} - {f'"{piece.label}"'})
+    if others:
+        discourse.note(f'{what} is taken as "{piece.label}"; it could be {", ".join(others)}')
+    return piece
+
+
 def distinct(terms: tuple[Term, ...]) -> tuple[Term, ...]:
     """Each term once."""
-    found: list[Term] = []
-    for term in terms:
-        if term not in found:
-            found.append(term)
-    return tuple(found)
+    return tuple(term for at, term in enumerate(terms) if term not in terms[:at])
 
 
 def in_order(first: Piece, second: Piece, pause_s: float) -> Piece:
@@ -93,10 +103,14 @@ def in_order(first: Piece, second: Piece, pause_s: float) -> Piece:
     return Piece(phases, True, name, relations, delay=first.delay)
 
 
+def with_terms(phase: Phase, terms: tuple[Term, ...]) -> Phase:
+    """A phase in which these hold, too."""
+    return replace(phase, terms=distinct((*phase.terms, *terms)))
+
+
 def throughout(event: Piece, terms: tuple[Term, ...]) -> Piece:
     """An event with these terms holding throughout."""
-    phases = tuple(replace(phase, terms=distinct((*phase.terms, *terms))) for phase in event.phases)
-    return replace(event, phases=phases)
+    return replace(event, phases=tuple(with_terms(phase, terms) for phase in event.phases))
 
 
 def during(event: Piece, lasting: Piece) -> Piece:
@@ -116,18 +130,15 @@ def _renamed(piece: Piece, taken: set[str]) -> Piece:
         while name in taken or name in names.values():
             name, number = f"{phase.name} {number}", number + 1
         names[phase.name] = name
-    return replace(
-        piece,
-        phases=tuple(replace(phase, name=names[phase.name]) for phase in piece.phases),
-        relations=tuple(
-            Relation(names[r.first], r.relation, names[r.second]) for r in piece.relations
-        ),
-    )
+    phases = tuple(replace(phase, name=names[phase.name]) for phase in piece.phases)
+    of = piece.relations
+    relations = tuple(Relation(names[r.first], r.relation, names[r.second]) for r in of)
+    return replace(piece, phases=phases, relations=relations)
 
 
 def duration(clause: Clause, discourse: Discourse) -> Lasting:
     """The duration that a clause gives. Raises :class:`InputError` for an impossible one."""
-    parts = [part for part in clause.modifiers if isinstance(part, Lasting)]
+    parts = clause.parts(Lasting)
     return shortest_of(parts, parts[0].span if parts else clause.span, discourse)
 
 
@@ -136,9 +147,8 @@ def shortest_of(parts: Sequence[Lasting], span: tuple[int, int], discourse: Disc
     least = max((p.least for p in parts if p.least is not None), default=None)
     most = min((p.most for p in parts if p.most is not None), default=None)
     if least is not None and most is not None and least > most:
-        raise discourse.refuse(
-            span, f"impossible duration: at least {least:g} s and at most {most:g} s"
-        )
+        what = f"impossible duration: at least {least:g} s and at most {most:g} s"
+        raise discourse.refuse(span, what)
     return Lasting(least, most, span)
 
 
@@ -198,8 +208,7 @@ def with_parameter(phases: tuple[Phase, ...], key: str, value: float | str) -> t
 def with_first(phases: tuple[Phase, ...], terms: tuple[Term, ...], role: str) -> tuple[Phase, ...]:
     """These hold in the role's first phase: the parked vehicle that starts was parked."""
     first = next((n for n, phase in enumerate(phases) if speaks_of(phase, role)), 0)
-    here = replace(phases[first], terms=distinct((*phases[first].terms, *terms)))
-    return (*phases[:first], here, *phases[first + 1 :])
+    return (*phases[:first], with_terms(phases[first], terms), *phases[first + 1 :])
 
 
 def speaks_of(phase: Phase, role: str) -> bool:

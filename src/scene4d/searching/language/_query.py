@@ -107,7 +107,7 @@ def _one(
         notes.append("the time of day is taken of the words beside it; say it first for the event")
     discourse = Discourse(text, grammar.lexicon)
     piece = compose(sentence.order, discourse)
-    if any(one.absent for one in discourse.people.values()) and len(piece.phases) > 1:
+    if any(one.absent for one in discourse.roles()) and len(piece.phases) > 1:
         raise refuse(text, 0, NOBODY)
     _check_possible(piece, discourse)
     activity = _activity(piece, discourse, text, catalogue)

@@ -10,7 +10,7 @@ from scene4d.searching.language._pieces import Piece, duration, state, throughou
 from scene4d.searching.language._sentences import Bound, Clause, Delay, Lasting, Noun, Said
 from scene4d.searching.predicates._registry import PREDICATES
 
-_DISTANCE = "tau_m"
+_INFINITE = float("inf")
 _ANYONE = ("anyone", "anybody")
 """Who is not near any of these is alone."""
 _MOTIONS = (
@@ -34,9 +34,8 @@ def state_of(clause: Clause, core: Said, discourse: Discourse) -> Piece:
             of_core = more
             more = _without_replaced(more, said[1:], discourse)
         terms += more
-    for bound in clause.modifiers:
-        if isinstance(bound, Bound):
-            terms = with_distance(terms, bound, discourse)
+    (phase,) = with_distances((Phase("", terms),), clause.parts(Bound), discourse)
+    terms = phase.terms
     lasting = duration(clause, discourse)
     discourse.subject = subjects
     entry = said[0].entry
@@ -47,8 +46,8 @@ def state_of(clause: Clause, core: Said, discourse: Discourse) -> Piece:
         return _change(entry, of_core, terms, lasting, discourse)
     is_instant = any(one.entry.instant for one in said)
     if is_instant and lasting.least is not None:
-        words = discourse.said(clause.span)
-        raise discourse.refuse(lasting.span, f'"{words}" is a moment, and lasts no time')
+        what = f'"{discourse.said(clause.span)}" is a moment, and lasts no time'
+        raise discourse.refuse(lasting.span, what)
     if entry.in_turn:
         return _in_turn(terms, of_core, said[0].is_denied, clause, discourse)
     usual_s = max((one.entry.least_s or 0.0 for one in said), default=0.0)
@@ -101,7 +100,7 @@ def _is_mutual(said: Said) -> bool:
 def _crowd(said: Said, count: int, discourse: Discourse) -> Term:
     """More than two are together: one of them has so many around."""
     if said.entry.crowd is None:
-        raise discourse.refuse(said.span, f'"{discourse.said(said.span)}" is said of two')
+        raise discourse.refuse(said.span, "{} is said of two")
     return _with_values(said.entry.crowd, {**said.values, "count": float(count)})
 
 
@@ -112,30 +111,15 @@ def _unsaid_subject(entry: StateEntry, clause: Clause, discourse: Discourse) -> 
     kind = entry.subject or "person"
     if entry.holds[0].predicate in ("turning_left", "turning_right"):
         kind = "vehicle"
-    discourse.note(f'nobody is named: "{discourse.said(clause.span)}" is taken of a {kind}')
-    return _new(kind, discourse)
-
-
-def _new(kind: str, discourse: Discourse) -> str:
-    entry = discourse.lexicon.noun(kind)
-    assert entry is not None
-    name = discourse.add(kind, entry.classes, kind)
-    discourse.unsaid = (*discourse.unsaid, name)
-    return name
-
-
-def _nobody(clause: Clause, discourse: Discourse) -> Noun:
-    """The one noun for nobody."""
-    if len(clause.subjects) > 1:
-        raise discourse.refuse(clause.span, NOBODY)
-    return clause.subjects[0]
+    discourse.note(f"nobody is named: {{}} is taken of a {kind}", clause.span)
+    return discourse.add_usual(kind)
 
 
 def _alone(clause: Clause, core: Said, discourse: Discourse) -> Piece:
     """Nobody is near a thing: it is alone."""
-    noun = _nobody(clause, discourse)
-    others = [part for part in clause.modifiers if isinstance(part, Said)]
-    bounds = [part for part in clause.modifiers if isinstance(part, Bound)]
+    if len(clause.subjects) > 1:
+        raise discourse.refuse(clause.span, NOBODY)
+    (noun,), others = clause.subjects, clause.parts(Said)
     if clause.polarity.is_denied or core.entry.becomes or core.entry.instant:
         raise discourse.refuse(noun.span, NOBODY)
     is_near = core.predicate == "near" and len(core.nouns) == 1 and not others
@@ -144,10 +128,9 @@ def _alone(clause: Clause, core: Said, discourse: Discourse) -> Piece:
     name = discourse.name_of(core.nouns[0], ())
     terms = noun_terms(core.nouns[0], name, discourse)
     near = _with_values(core.entry.holds[0], core.values)
-    said = _by_kinds(core.entry, near, ("person", discourse.people[name].kind))
-    for bound in bounds:
-        said = with_distance((said,), bound, discourse)[0]
-    alone = Term("alone", (name,), said.parameters)
+    said = Phase("", (_by_kinds(core.entry, near, ("person", discourse.people[name].kind)),))
+    ((said,),) = (with_distances((said,), clause.parts(Bound), discourse),)
+    alone = Term("alone", (name,), said.terms[0].parameters)
     discourse.subject = (name,)
     return state((alone, *terms), duration(clause, discourse), False, discourse)
 
@@ -195,8 +178,7 @@ def terms_of(said: Said, subject: str, discourse: Discourse) -> tuple[Term, ...]
     if len(names) < len(wanted):
         names.append(_unsaid_object(said, names, discourse))
     if len(names) > len(wanted):
-        words = discourse.said(said.span)
-        raise discourse.refuse(said.span, f'"{words}" names too many, or too few')
+        raise discourse.refuse(said.span, "{} names too many, or too few")
     if len(names) > 1:
         _check_kind(said, said.entry.object, names[1], discourse)
     return (*_holds(said, names, discourse), *more)
@@ -204,35 +186,25 @@ def terms_of(said: Said, subject: str, discourse: Discourse) -> tuple[Term, ...]
 
 def _objects(said: Said) -> tuple[Noun, ...]:
     """Those whom a statement names: "between two cars" names two."""
-    needed = len({role for term in said.entry.holds for role in term.roles}) - 1
-    if (
-        needed == 2
-        and len(said.nouns) == 1
-        and (said.nouns[0].is_plural or said.nouns[0].count == 2)
-    ):
-        return pair_of(said.nouns[0])
-    return said.nouns
+    is_of_three = any("c" in term.roles for term in said.entry.holds)
+    is_pair = len(said.nouns) == 1 and (said.nouns[0].is_plural or said.nouns[0].count == 2)
+    return pair_of(said.nouns[0]) if is_of_three and is_pair else said.nouns
 
 
 def _unsaid_object(said: Said, names: Sequence[str], discourse: Discourse) -> str:
     """Of whom it is said where no object is named: whoever was named last, else a new one."""
-    words = discourse.said(said.span)
     if not said.entry.bare or len(names) > 1:
-        raise discourse.refuse(said.span, f'"{words}" of whom?')
+        raise discourse.refuse(said.span, "{} of whom?")
+    other = "person" if discourse.people[names[0]].kind == "vehicle" else "vehicle"
     known = [name for name in discourse.mentions if name not in names]
-    if known:
-        name = known[-1]
-    else:
-        kind = "person" if discourse.people[names[0]].kind == "vehicle" else "vehicle"
-        name = _new(kind, discourse)
-    discourse.note(f'"{words}" is taken of {name}')
+    name = known[-1] if known else discourse.add_usual(other)
+    discourse.note(f"{{}} is taken of {name}", said.span)
     return name
 
 
 def _check_kind(said: Said, kind: str, name: str, discourse: Discourse) -> None:
     if kind not in ("", discourse.people[name].kind):
-        words = discourse.said(said.span)
-        raise discourse.refuse(said.span, f'"{words}" is said of a {kind} only')
+        raise discourse.refuse(said.span, f"{{}} is said of a {kind} only")
 
 
 def _holds(said: Said, names: Sequence[str], discourse: Discourse) -> tuple[Term, ...]:
@@ -246,8 +218,7 @@ def _holds(said: Said, names: Sequence[str], discourse: Discourse) -> tuple[Term
     if said.is_denied:
         terms[0] = replace(terms[0], negated=not terms[0].negated)
         if any(len(term.roles) > 1 for term in terms[1:]):
-            words = discourse.said(said.span)
-            raise discourse.refuse(said.span, f'"{words}" cannot be denied as a whole')
+            raise discourse.refuse(said.span, "{} cannot be denied as a whole")
         terms = terms[:1]
     return tuple(replace(term, roles=tuple(called[role] for role in term.roles)) for term in terms)
 
@@ -292,8 +263,7 @@ def _of_all(said: Said, subjects: tuple[str, ...], discourse: Discourse) -> tupl
 def _mutual(said: Said, subjects: tuple[str, ...], discourse: Discourse) -> tuple[Term, ...]:
     """What two are to each other."""
     if len(subjects) != 2:
-        words = discourse.said(said.span)
-        raise discourse.refuse(said.span, f'"{words}" needs two, such as "two people"')
+        raise discourse.refuse(said.span, '{} needs two, such as "two people"')
     for name in subjects:
         _check_kind(said, said.entry.subject, name, discourse)
     pairs: tuple[tuple[str, ...], ...] = (subjects, subjects[::-1])
@@ -304,14 +274,14 @@ def _mutual(said: Said, subjects: tuple[str, ...], discourse: Discourse) -> tupl
 
 def _simplified(clause: Clause, core: Said, discourse: Discourse) -> list[Said]:
     """The core and the relations after it."""
-    relations = [part for part in clause.modifiers if isinstance(part, Said)]
+    relations = clause.parts(Said)
     denied = clause.polarity.is_denied
     stronger = next((r for r in relations if core.predicate in r.entry.replaces), None)
     if denied and stronger is not None:  # who does not walk towards something may walk
         core, relations = stronger, [r for r in relations if r != stronger]
     if denied and relations:
-        words, rest = discourse.said(core.span), discourse.said(relations[0].span)
-        discourse.note(f'"not" denies "{words}" alone; to deny the rest say "not {rest}"')
+        rest = discourse.said(relations[0].span)
+        discourse.note(f'"not" denies {{}} alone; to deny the rest say "not {rest}"', core.span)
     return [replace(core, is_denied=core.is_denied != denied), *relations]
 
 
@@ -337,25 +307,19 @@ def _change(
     changing = tuple(term for term in said if term.predicate == stated.predicate)
     least, most = discourse.assumed("change_min_s"), discourse.assumed("change_max_s")
     phases: list[Phase] = []
+    count = len(entry.becomes)
     for number, is_so in enumerate(entry.becomes):
         now = tuple(replace(term, negated=term.negated == is_so) for term in changing)
         name = ("not " if now[0].negated else "") + stated.predicate
         name += " again" if name in (phase.name for phase in phases) else ""
-        within = len(entry.becomes) == 3 and number == 1
-        longest = float("inf") if within else most
-        phase = Phase(name, now, least, longest)
-        if number == len(entry.becomes) // 2 and (lasting.least or lasting.most is not None):
-            longest = float("inf") if lasting.most is None else lasting.most
-            phase = replace(phase, min_s=lasting.least or min(least, longest), max_s=longest)
-        phases.append(phase)
+        is_timed = number == count // 2 and lasting.is_said
+        longest = _INFINITE if is_timed or (count, number) == (3, 1) else most
+        times = lasting.within(least, longest) if is_timed else (least, longest)
+        phases.append(Phase(name, now, *times))
     others = tuple(term for term in terms if term not in changing)
-    ends = entry.becomes[-1], len(entry.becomes)
-    name = "crosses" if ends[1] == 3 else "enters" if ends[0] else "leaves"
-    begins = (
-        entry.becomes == (False, True)
-        and len(stated.roles) == 1
-        and not stated.parameters.get("zone")
-    )
+    name = "crosses" if count == 3 else "enters" if entry.becomes[-1] else "leaves"
+    is_of_one = len(stated.roles) == 1 and not stated.parameters.get("zone")
+    begins = is_of_one and entry.becomes == (False, True)
     change = Piece(tuple(phases), True, name, begins=begins)
     if not entry.settles:
         return throughout(change, others)
@@ -371,39 +335,42 @@ def _in_turn(
     discourse: Discourse,
 ) -> Piece:
     """One statement after the other, with what else is said throughout."""
-    lasting = duration(clause, discourse)
-    if is_denied or lasting.least is not None or lasting.most is not None:
+    if is_denied or duration(clause, discourse).is_said:
         what = "of a way it is only said that it is gone, not how long, and not that it is not"
         raise discourse.refuse(clause.span, what)
     least, pause = discourse.assumed("change_min_s"), discourse.assumed("before_s")
-    told = [part.seconds for part in clause.modifiers if isinstance(part, Delay)]
-    pause = told[0] if told else pause
+    told = clause.parts(Delay)
+    if told:
+        pause = told[0].seconds
+    else:
+        what = f"{{}} is taken as at most {pause:g} s from the one to the other"
+        discourse.note(what, clause.span)
     others = tuple(term for term in terms if term not in core)
-    phases = tuple(
-        Phase(
-            f"{'then ' * (number > 0)}in {term.parameters['zone']}",
-            (term, *others),
-            least,
-            gap_s=pause * (number > 0),
-        )
-        for number, term in enumerate(core)
+    first, second = (f"in {term.parameters['zone']}" for term in core)
+    phases = (
+        Phase(first, (core[0], *others), least),
+        Phase(f"then {second}", (core[1], *others), least, gap_s=pause),
     )
-    said = discourse.said(clause.span)
-    if not told:
-        discourse.note(f'"{said}" is taken as at most {pause:g} s from the one to the other')
     return Piece(phases, True, "goes")
 
 
-def with_distance(terms: tuple[Term, ...], bound: Bound, discourse: Discourse) -> tuple[Term, ...]:
-    """Terms that say how near, or how far, with this distance. Raises :class:`InputError` where
-    none does.
+def with_distances(
+    phases: tuple[Phase, ...], bounds: Sequence[Bound], discourse: Discourse
+) -> tuple[Phase, ...]:
+    """With these distances where it is said how near, or how far. Raises :class:`InputError` where
+    it is not.
     """
-    if not any(term.predicate == bound.predicate for term in terms):
-        said = discourse.said(bound.span)
-        raise discourse.refuse(bound.span, f'"{said}" of whom? Say "{said} of a vehicle"')
-    return tuple(
-        replace(term, parameters={**term.parameters, _DISTANCE: bound.metres})
-        if term.predicate == bound.predicate
-        else term
-        for term in terms
-    )
+    for bound in bounds:
+        name = bound.predicate
+
+        def told(term: Term, name: str = name, metres: float = bound.metres) -> Term:
+            is_meant = term.predicate == name
+            return (
+                replace(term, parameters={**term.parameters, "tau_m": metres}) if is_meant else term
+            )
+
+        if not any(term.predicate == name for phase in phases for term in phase.terms):
+            what = f'{{}} of whom? Say "{discourse.said(bound.span)} of a vehicle"'
+            raise discourse.refuse(bound.span, what)
+        phases = tuple(replace(p, terms=tuple(map(told, p.terms))) for p in phases)
+    return phases

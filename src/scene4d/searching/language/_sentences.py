@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from scene4d.searching.activities.definition import Activity, Role
 from scene4d.searching.language._lexicon import Adjective, StateEntry
@@ -140,9 +140,23 @@ class Done:
 class Lasting:
     """How long it lasts, seconds."""
 
-    least: float | None
-    most: float | None
-    span: Span
+    least: float | None = None
+    most: float | None = None
+    span: Span = (0, 0)
+
+    @property
+    def is_said(self) -> bool:
+        """Whether anything was said of it."""
+        return (self.least, self.most) != (None, None)
+
+    def within(self, least: float, most: float) -> tuple[float, float]:
+        """The shortest and longest duration, of which these are usual."""
+        most = most if self.most is None else self.most
+        return (
+            (least if self.most is None else min(least, most), most)
+            if self.least is None
+            else (self.least, most)
+        )
 
 
 @dataclass(frozen=True)
@@ -164,6 +178,7 @@ class Delay:
     span: Span
 
 
+_Part = TypeVar("_Part")
 _Modifier = Said | Lasting | Bound | Delay
 
 
@@ -178,6 +193,10 @@ class Clause:
     core: "Done | Said | Choice | None"
     modifiers: tuple["_Modifier", ...]
     span: Span
+
+    def parts(self, kind: type[_Part]) -> list[_Part]:
+        """The modifiers of a kind."""
+        return [part for part in self.modifiers if isinstance(part, kind)]
 
 
 @dataclass(frozen=True)
