@@ -1,8 +1,6 @@
 """Parse trees as sentences."""
 
-import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from itertools import product
 from typing import Any
@@ -10,12 +8,11 @@ from typing import Any
 from lark import Token, Tree, v_args
 from lark.exceptions import VisitError
 
-from scene4d.core.tracks import CLASSES
 from scene4d.searching.activities.definition import Term
-from scene4d.searching.language._colours import ColourReader
 from scene4d.searching.language._doing import NOT_OF_ACTIVITIES
 from scene4d.searching.language._grammar import Grammar
-from scene4d.searching.language._lexicon import Adjective, StateEntry, base_forms
+from scene4d.searching.language._lexicon import StateEntry, base_forms
+from scene4d.searching.language._nouns import NounReader, opposite
 from scene4d.searching.language._sentences import (
     Bound,
     Chain,
@@ -44,6 +41,7 @@ from scene4d.searching.language._times import (
     joined,
     span_of,
     tense_of,
+    value_of,
 )
 from scene4d.searching.language._words import Amount, amount_of, read_number, refuse
 from scene4d.searching.predicates._relation import SIDES
@@ -51,37 +49,12 @@ from scene4d.searching.predicates._when import When
 
 _WEIGHED = (Clause, Done, Said, Chain, Joined, Sentence)
 """Where these have several readings, the composer takes the one that makes sense."""
-_SEVERAL, _MOST_COUNTED = 3, 100
-"""How many several are, and the largest number of people that can be asked for; chosen by hand."""
 _BOUNDS = {"within": "near", "beyond": "far"}
 _TRANSPARENT = (
     *("activity", "whole", "state", "relation", "predication", "subject", "article", "pronoun"),
     *("unit_distance", "unit_duration", "unit_speed"),
 )
 """Rules that pass on their content."""
-
-
-@dataclass(frozen=True)
-class _Front:
-    """What a modifier before its clause says."""
-
-    said: Any
-
-
-@dataclass(frozen=True)
-class _Owner:
-    noun: Noun
-
-
-@dataclass(frozen=True)
-class _Count:
-    number: int
-    exactly: bool = False
-
-
-@dataclass(frozen=True)
-class _Pause:
-    seconds: float | None
 
 
 def read_tree(tree: Tree, text: str, grammar: Grammar) -> tuple[Sentence | Choice, list[str]]:
@@ -97,7 +70,7 @@ def read_tree(tree: Tree, text: str, grammar: Grammar) -> tuple[Sentence | Choic
 
 
 @v_args(meta=True)
-class _Reader(ColourReader):
+class _Reader(NounReader):
     """The meaning of the grammar's rules, bottom up; one method per rule, by name."""
 
     def __init__(self, text: str, grammar: Grammar) -> None:
@@ -128,27 +101,12 @@ class _Reader(ColourReader):
             return self._clock(name, children, span)
         if name in _TRANSPARENT:
             return children[0]
-        if name == "count":
-            return self._count(children, span)
         if name == "delay":
             return Delay(first_of(children, Amount).value, span)
         if name.startswith("t_"):
             owner = first_of(children, Noun)
-            return Mark(name) if owner is None else _Owner(owner)
+            return Mark("owner", (), owner)
         return Mark(name, self._words_of(children))
-
-    def _by_words(self, name: str, children: list) -> Adjective | Fraction:
-        """The adjective, or the number, that has these words."""
-        said = " ".join(self._words_of(children))
-        if name == "adjective":
-            return self._lexicon.adjective(said)
-        return next(number for number, words in self._lexicon.numbers if said in words)
-
-    def _words_of(self, children: list) -> tuple[str, ...]:
-        words = (
-            c.words if isinstance(c, Mark) else (str(c),) for c in all_of(children, Mark, Token)
-        )
-        return tuple(word for said in words for word in said)
 
     def _ambig(self, children: list) -> Any:
         options: list[Any] = []
@@ -162,42 +120,17 @@ class _Reader(ColourReader):
             return self._taken(options)
         return options[0] if len(options) == 1 else Choice(tuple(options))
 
-    def _taken(self, options: Sequence[Any]) -> Any:
-        """The first of several readings, with a note."""
-        start, end = getattr(options[0], "span", (0, len(self._text)))
-        said = self._text[start:end]
-        self.notes.append(f'"{said}" can be read in {len(options)} ways; one of them is taken')
-        return options[0]
-
     def _done(self, number: int, children: list, span: Span) -> Done:
         if any(polarity.is_denied for polarity in all_of(children, Polarity)):
             raise refuse(self._text, span[0], NOT_OF_ACTIVITIES)
-        owner = first_of(children, _Owner)
         return Done(
             self._grammar.spoken[number],
             tuple(all_of(children, Noun)),
             tuple(all_of(children, Place)),
-            owner.noun if owner else None,
+            value_of(children, "owner"),
             span,
             any(polarity.is_state for polarity in all_of(children, Polarity)),
         )
-
-    def _count(self, children: list, span: Span) -> _Count:
-        """How many at least: "three", "more than two"; or exactly."""
-        marks = {mark.name: " ".join(mark.words) for mark in all_of(children, Mark)}
-        if "s_several" in marks:
-            self.notes.append(f'"{marks["s_several"]}" is taken as at least {_SEVERAL}')
-            return _Count(_SEVERAL)
-        if "s_one" in marks:
-            return _Count(1, True)
-        if "s_two" in marks:
-            return _Count(2)
-        said = next(child for child in children if isinstance(child, Fraction | Token))
-        number = said if isinstance(said, Fraction) else read_number(said, self._text, span[0])
-        is_more = marks.get("s_at_least", "") in self._lexicon.sets["more_than"]
-        if number.denominator != 1 or not 1 <= number <= _MOST_COUNTED:
-            raise refuse(self._text, span[0], f"a whole number up to {_MOST_COUNTED} is expected")
-        return _Count(int(number) + is_more, "s_exactly" in marks)
 
     def _said(self, number: int, children: list, span: Span, is_verb: bool) -> Said:
         entry = self._lexicon.states[number]
@@ -221,12 +154,12 @@ class _Reader(ColourReader):
         return Sentence(order, tuple(all_of(children, Clock)))
 
     def chain(self, _meta: Any, children: list) -> Chain:
-        steps, pauses = all_of(children, Joined, Choice), all_of(children, _Pause)
-        seconds = tuple(pause.seconds for pause in pauses)
-        return Chain(tuple(steps), seconds, ("then",) * len(pauses))
+        steps = all_of(children, Joined, Choice)
+        seconds = tuple(mark.value for mark in all_of(children, Mark))
+        return Chain(tuple(steps), seconds, ("then",) * len(seconds))
 
-    def then(self, _meta: Any, children: list) -> _Pause:
-        return first_of(children, _Pause) or _Pause(None)
+    def then(self, _meta: Any, children: list) -> Mark:
+        return Mark("pause", (), value_of(children, "pause"))
 
     def first_second(self, _meta: Any, children: list) -> Chain:
         return self._before(children, in_order=True)
@@ -236,14 +169,14 @@ class _Reader(ColourReader):
 
     def _before(self, children: list, in_order: bool) -> Chain:
         word = next((mark.words[0] for mark in all_of(children, Mark) if mark.words), "after")
-        steps = all_of(children, Chain, Choice)
-        pause = first_of(children, _Pause)
-        ordered = steps if in_order else steps[::-1]
-        return Chain(tuple(ordered), (pause.seconds if pause else None,), (word,), not in_order)
+        steps = all_of(children, Chain, Choice)[:: 1 if in_order else -1]
+        pause = value_of(children, "pause")
+        return Chain(tuple(steps), (pause,), (word,), not in_order)
 
-    def pause(self, _meta: Any, children: list) -> _Pause:
+    def pause(self, _meta: Any, children: list) -> Mark:
         amount = first_of(children, Amount)
-        return _Pause(amount.value if amount else self._lexicon.assumed["immediately_s"])
+        seconds = amount.value if amount else self._lexicon.assumed["immediately_s"]
+        return Mark("pause", (), seconds)
 
     def joined(self, _meta: Any, children: list) -> Joined:
         links = [m.name.removeprefix("link_") for m in all_of(children, Mark)]
@@ -251,19 +184,19 @@ class _Reader(ColourReader):
 
     # Clauses --------------------------------------------------------------------------------------
 
-    def front(self, _meta: Any, children: list) -> _Front:
-        return _Front(children[0])
+    def front(self, _meta: Any, children: list) -> Mark:
+        return Mark("front", (), children[0])
 
     def clause(self, meta: Any, children: list) -> Clause | Choice:
         span = span_of(meta)
-        fronts = [child.said for child in all_of(children, _Front)]
-        parts = [child for child in children if not isinstance(child, _Front)]
+        fronts = [mark.value for mark in all_of(children, Mark) if mark.name == "front"]
+        parts = [part for part in children if not isinstance(part, Mark)]
         subjects: tuple[Noun, ...] = ()
         if isinstance(parts[0], Noun | tuple):
             head = parts.pop(0)
             subjects = head if isinstance(head, tuple) else (head,)
         polarity = first_of(parts, Polarity) or Polarity(False, False)
-        parts = [part for part in parts if not isinstance(part, Polarity | Mark)]
+        parts = [part for part in parts if not isinstance(part, Polarity)]
         whole = hull(span, children)
         readings = product(*map(options_of, (*parts[1:], *fronts)))
         clauses = [Clause(subjects, polarity, parts[0], more, whole) for more in readings]
@@ -296,9 +229,7 @@ class _Reader(ColourReader):
             raise refuse(self._text, place.span[0], "which zone? Say its name")
         inside = StateEntry((Term("inside", ("a",), {"zone": place.name}),))
         noun = replace(nouns[0], article="none") if nouns else self._nothing(span)
-        more = [
-            child for child in children if not isinstance(child, Noun | Place | Polarity | Mark)
-        ]
+        more = [child for child in children if not isinstance(child, Noun | Place | Polarity)]
         return self.clause(meta, [noun, Said(inside, (), {}, span), *more])
 
     def _nothing(self, span: Span) -> Noun:
@@ -307,10 +238,10 @@ class _Reader(ColourReader):
         return Noun(entry.kind, entry.classes, "none", "nothing", span)
 
     def modifier(self, _meta: Any, children: list) -> Any:
-        denied = any(isinstance(child, Mark) for child in children)
+        is_denied = any(isinstance(child, Mark) for child in children)
         said = next(child for child in children if not isinstance(child, Mark))
         said = self._taken(said.options) if isinstance(said, Choice) else said
-        return _denied(said) if denied else said
+        return opposite(said) if is_denied else said
 
     def denied(self, _meta: Any, children: list) -> Polarity:
         return Polarity(True, False)
@@ -318,68 +249,6 @@ class _Reader(ColourReader):
     def affirmed(self, _meta: Any, children: list) -> Polarity:
         forms = [w for mark in all_of(children, Mark) for w in mark.words]
         return Polarity(False, any(form == "be" or "be" in base_forms(form) for form in forms))
-
-    # Nouns ----------------------------------------------------------------------------------------
-
-    def noun(self, meta: Any, children: list) -> Noun:
-        relatives = sum((child for child in children if isinstance(child, tuple)), ())
-        return self._noun(span_of(meta), children, relatives)
-
-    def _noun(self, span: Span, children: list, relatives: tuple) -> Noun:
-        marks = {mark.name: mark for mark in all_of(children, Mark)}
-        if "s_each_other" in marks:
-            return Noun("any", (), "reciprocal", "each other", span)
-        if "s_new_one" in marks:
-            return Noun("any", (), "new", "another", span)
-        pronoun = next((name for name in marks if name.startswith("pronoun_")), None)
-        if pronoun:
-            kind = pronoun.removeprefix("pronoun_")
-            return Noun(kind, (), "pronoun", " ".join(marks[pronoun].words), span)
-        words = [
-            " ".join(mark.words) for mark in all_of(children, Mark) if mark.name == "noun_word"
-        ]
-        word = words[0]
-        said = [(one, w) for w in words if (one := self._lexicon.noun(w)) is not None]
-        entry = said[0][0]
-        kinds = {one.kind for one, _ in said}
-        classes = [name for one, _ in said for name in one.classes]
-        adjectives = all_of(children, Adjective)
-        if entry.adjective:
-            adjectives.append(self._lexicon.adjective(entry.adjective))
-        articles = {name.removeprefix("article_") for name in marks if name.startswith("article_")}
-        if "s_else" in marks:
-            articles = {"new"}
-        if word in entry.none or "s_none" in marks:
-            articles = {"none"}
-        if word in entry.indefinite and not articles:
-            articles = {"indefinite"}
-        if len(words) > 1 and (adjectives or any(w in one.none for one, w in said)):
-            what = f'"{self._text[slice(*span)]}": say each in full, as in "A stops or B stops"'
-            raise refuse(self._text, span[0], what)
-        surface = self._text[slice(*span)].casefold()
-        count = first_of(children, _Count) or _Count(1)
-        return Noun(
-            kinds.pop() if len(kinds) == 1 else "any",
-            tuple(name for name in CLASSES if name in classes),
-            _introduced(articles),
-            word,
-            span,
-            tuple(adjectives),
-            relatives,
-            word == "people" or re.search(rf"\b{re.escape(word)}\b", surface) is None,
-            count.number,
-            count.exactly,
-        )
-
-    def relative(self, _meta: Any, children: list) -> tuple:
-        polarity = first_of(children, Polarity)
-        said = [
-            self._taken(child.options) if isinstance(child, Choice) else child
-            for child in all_of(children, Said, Choice)
-        ]
-        if polarity and polarity.is_denied:
-            said[0] = _denied(said[0])
-        return tuple(said)
 
     def spot(self, meta: Any, children: list) -> SpotSaid:
         """Where another one was; without a time in the present it is now, which is no spot."""
@@ -399,9 +268,6 @@ class _Reader(ColourReader):
         core, lasting = first_of(children, Done, Said, Choice), first_of(children, Lasting)
         return SpotSaid(noun, polarity, core, lasting, when, span)
 
-    def pair(self, _meta: Any, children: list) -> tuple[Noun, ...]:
-        return tuple(all_of(children, Noun))
-
     # Places and amounts ---------------------------------------------------------------------------
 
     def unnamed_zone(self, meta: Any, _children: list) -> Place:
@@ -412,14 +278,3 @@ class _Reader(ColourReader):
         if isinstance(found, Fraction):
             return found
         return read_number(str(found), self._text, span_of(meta)[0])
-
-
-def _introduced(articles: set[str]) -> str:
-    """How a noun is introduced: "the other" is already known, "another" is new."""
-    if "new" in articles:
-        return "other" if "definite" in articles else "new"
-    return next(iter(sorted(articles)), "bare")
-
-
-def _denied(node: Any) -> Any:
-    return replace(node, is_denied=not node.is_denied) if isinstance(node, Said) else node

@@ -25,10 +25,11 @@ _DAYS = {"s_yesterday": -1, "s_last_night": -1, "s_today": 0, "s_this": 0, "s_to
 
 @dataclass(frozen=True)
 class Mark:
-    """A rule that only records which words were used."""
+    """A rule that only records which words were used, or what they amount to."""
 
     name: str
     words: tuple[str, ...] = ()
+    value: Any = None
 
 
 def all_of(children: Iterable[Any], *kinds: type) -> list[Any]:
@@ -39,6 +40,16 @@ def all_of(children: Iterable[Any], *kinds: type) -> list[Any]:
 def first_of(children: Iterable[Any], *kinds: type) -> Any:
     """The first of these types; None where there is none."""
     return next(iter(all_of(children, *kinds)), None)
+
+
+def marks_of(children: Iterable[Any]) -> dict[str, str]:
+    """The words of all marks by their names."""
+    return {mark.name: " ".join(mark.words) for mark in all_of(children, Mark)}
+
+
+def value_of(children: Iterable[Any], name: str) -> Any:
+    """What a mark amounts to; None where there is none."""
+    return next((mark.value for mark in all_of(children, Mark) if mark.name == name), None)
 
 
 def span_of(meta: Any) -> Span:
@@ -62,14 +73,11 @@ def window_of(clock: Clock, text: str, span: Span, lexicon: Lexicon) -> Window:
 
 def hull(span: Span, nodes: Iterable[Any]) -> Span:
     """The span, including those of the parts; a tree of several readings has none of its own."""
-    spans = [span]
-    for node in nodes:
-        for option in options_of(node):
-            if isinstance(option, tuple):
-                spans.append(hull(span, option))
-            elif hasattr(option, "span"):
-                spans.append(option.span)
-    there = [(start, end) for start, end in spans if end > start]
+    options = [option for node in nodes for option in options_of(node)]
+    spans = [
+        hull(span, one) if isinstance(one, tuple) else getattr(one, "span", span) for one in options
+    ]
+    there = [(start, end) for start, end in (span, *spans) if end > start]
     return (min(s for s, _ in there), max(e for _, e in there)) if there else span
 
 
@@ -87,16 +95,12 @@ def joined(whens: Sequence[When], said: str, text: str, start: int) -> When:
     """All that is said of when another one was there. Raises :class:`InputError` where two say
     the same thing of it.
     """
-    whole, usual = When(), When()
+    told: dict[str, Any] = {}
     for when in whens:
-        for name in ("least_s", "most_s", "later", "day", "clock"):
-            new, old = getattr(when, name), getattr(whole, name)
-            if new == getattr(usual, name):
-                continue
-            if old not in (getattr(usual, name), new):
+        for name, value in vars(when).items():
+            if value != getattr(When(), name) and told.setdefault(name, value) != value:
                 raise refuse(text, start, f'"{said}" says twice when that was')
-            whole = replace(whole, **{name: new})
-    return whole
+    return When(**told)
 
 
 def _is_later(children: Iterable[Any]) -> bool:
@@ -113,40 +117,34 @@ class TimeReader(Transformer):
         self._text = text
         self._lexicon = lexicon
 
-    # How long -------------------------------------------------------------------------------------
+    def _said_at(self, span: Span) -> str:
+        return self._text[slice(*span)]
 
-    def lasts_at_least(self, meta: Any, children: list) -> Lasting:
-        return Lasting(first_of(children, Amount).value, None, span_of(meta))
+    # How long, and how long before ---------------------------------------------------------------
 
-    def lasts_at_most(self, meta: Any, children: list) -> Lasting:
-        return Lasting(None, first_of(children, Amount).value, span_of(meta))
+    def at_least(self, _meta: Any, children: list) -> Lasting:
+        return Lasting(first_of(children, Amount).value)
 
-    def lasts_between(self, meta: Any, children: list) -> Lasting:
+    def at_most(self, _meta: Any, children: list) -> Lasting:
+        return Lasting(None, first_of(children, Amount).value)
+
+    def from_to(self, meta: Any, children: list) -> Lasting:
         amounts = all_of(children, Amount)
         most = amounts[-1].value
         shared = first_of(children, Fraction)  # "5 to 10 minutes": the unit is said once
         least = amounts[0].value if shared is None else float(shared * amounts[-1].unit)
         if not 0 < least <= most:
             raise refuse(self._text, span_of(meta)[0], "the shorter time comes first")
-        return Lasting(least, most, span_of(meta))
+        return Lasting(least, most)
 
-    # When another one was there ------------------------------------------------------------------
+    def lasting(self, meta: Any, children: list) -> Lasting:
+        return replace(first_of(children, Lasting), span=span_of(meta))
 
-    def when_earlier(self, _meta: Any, children: list) -> When:
-        return When(later=_is_later(children))
-
-    when_later = when_earlier
-
-    def when_at_least(self, _meta: Any, children: list) -> When:
-        return When(first_of(children, Amount).value, later=_is_later(children))
-
-    def when_at_most(self, _meta: Any, children: list) -> When:
-        return When(0.0, first_of(children, Amount).value, _is_later(children))
-
-    def when_between(self, meta: Any, children: list) -> When:
-        lasting = self.lasts_between(meta, children)
-        assert lasting.least is not None and lasting.most is not None
-        return When(lasting.least, lasting.most, _is_later(children))
+    def when_range(self, _meta: Any, children: list) -> When:
+        """ "Earlier", "more than 10 minutes before", "within 5 minutes later"."""
+        said = first_of(children, Lasting) or Lasting()
+        least_s, most_s = said.within(0.0, float("inf"))
+        return When(least_s, most_s, _is_later(children))
 
     def when_about(self, meta: Any, children: list) -> When:
         """ "Two days ago" is a day; "an hour ago" about so long, which is told."""
@@ -157,18 +155,20 @@ class TimeReader(Transformer):
             return When(later=later, day=int(days) if later else -int(days))
         off_s = self._lexicon.assumed["about"] * amount.value
         when = When(amount.value - off_s, amount.value + off_s, later)
-        said = self._text[slice(*span_of(meta))]
-        self.notes.append(f'"{said}" is taken as {when}')
+        self.notes.append(f'"{self._said_at(span_of(meta))}" is taken as {when}')
         return when
 
     def when_day(self, _meta: Any, children: list) -> When:
-        marks = {mark.name: " ".join(mark.words) for mark in all_of(children, Mark)}
+        marks = marks_of(children)
         day = next((_DAYS[name] for name in marks if name in _DAYS), 0)
         part = "night" if "s_last_night" in marks else marks.get("day_word")
         if part is None:
             return When(day=day, later=day > 0)
-        begin_s, end_s = (read_clock(time, self._text, 0) for time in self._lexicon.day[part])
-        return When(day=day, later=day > 0, clock=Window(begin_s, end_s))
+        return When(day=day, later=day > 0, clock=Window(*self._part_of_day(part)))
+
+    def _part_of_day(self, word: str) -> tuple[float, float]:
+        begin, end = self._lexicon.day[word]
+        return read_clock(begin, self._text, 0), read_clock(end, self._text, 0)
 
     def when_clock(self, meta: Any, children: list) -> When:
         clock = first_of(children, Clock)
@@ -186,6 +186,5 @@ class TimeReader(Transformer):
         return replace(Clock(None, None, None, span), **times)
 
     def part_of_day(self, meta: Any, children: list) -> Clock:
-        word = next(m.words[0] for m in all_of(children, Mark) if m.name == "day_word")
-        begin, end = (read_clock(time, self._text, 0) for time in self._lexicon.day[word])
+        begin, end = self._part_of_day(marks_of(children)["day_word"])
         return Clock(begin, end, None, span_of(meta))
