@@ -26,7 +26,7 @@ def exactly(number, unit):
     return float(Fraction(number) * Fraction(unit))
 
 
-@settings(max_examples=10)
+@settings(max_examples=6)
 @given(numbers, st.sampled_from(sorted(METRES)), st.sampled_from(["", " "]))
 def test_distances(number, unit, space):
     wanted = exactly(number, METRES[unit])
@@ -36,14 +36,14 @@ def test_distances(number, unit, space):
     assert phase.terms[0].parameters == {"tau_m": wanted}
 
 
-@settings(max_examples=10)
+@settings(max_examples=6)
 @given(numbers, st.sampled_from(sorted(SECONDS)), st.sampled_from(["", " "]))
 def test_durations(number, unit, space):
     phase, _ = state_terms(f"person near vehicle for more than {number}{space}{unit}")
     assert (phase.min_s, phase.max_s) == (exactly(number, SECONDS[unit]), float("inf"))
 
 
-@settings(max_examples=10)
+@settings(max_examples=6)
 @given(numbers, st.sampled_from(sorted(SPEEDS)))
 def test_speeds(number, unit):
     wanted = exactly(number, SPEEDS[unit])
@@ -81,16 +81,13 @@ def test_ways_to_say_how_long(said, least, most):
 
 
 @pytest.mark.parametrize(
-    "at_most", ["within", "less than", "at most", "no more than", "closer than"]
-)
-def test_ways_to_say_how_near(at_most):
-    of = "to" if at_most == "closer than" else "from"
-    assert parsed(f"person is {at_most} 3 m {of} a vehicle").predicates == [
-        "near(person, vehicle, tau_m=3)"
-    ]
-    assert parsed(f"person is near a vehicle {at_most} 3 m").predicates == [
-        "near(person, vehicle, tau_m=3)"
-    ]
+    "said",
+    ["within 3 m of a vehicle", "less than 3 m from a vehicle", "near a vehicle at most 3 m",
+     "no more than 3 m from a vehicle", "closer than 3 m to a vehicle",
+     "near a vehicle closer than 3 m"],
+)  # fmt: skip
+def test_ways_to_say_how_near(said):
+    assert parsed(f"person is {said}").predicates == ["near(person, vehicle, tau_m=3)"]
 
 
 @pytest.mark.parametrize(

@@ -158,14 +158,23 @@ def test_what_excludes_one_another_comes_one_after_the_other(said, first, second
     assert any('is taken as "then"' in note for note in query.notes)
 
 
+def test_seconds_are_no_second_person_and_who_gets_out_walks_away():
+    (phase,) = parsed("for 10 seconds a person is not near a car").activity.phases
+    assert phase.min_s == 10
+    *_, last = parsed("two people get out of a car and walk away").activity.phases
+    assert {term.roles[0] for term in last.terms} == {"person", "person_2"}
+
+
 def test_two_who_differ_do_so_at_the_same_time():
     query = parsed("a person walks to a car and another person stands beside it")
     assert len(query.activity.phases) == 1
 
 
 @pytest.mark.parametrize(
-    "said", ["a parked car moves", "a car that was parked moves", "a person runs while standing"]
-)
+    "said",
+    ["a parked car moves", "a car that was parked moves", "a person runs while standing",
+     "a person in black and white", "a car is black and red"],
+)  # fmt: skip
 def test_what_is_never_so_at_the_same_time_is_refused(said):
     with pytest.raises(InputError, match="never so at the same time"):
         parsed(said)
@@ -201,7 +210,7 @@ def test_how_long_is_said_of_the_phase_that_may_last():
 def test_how_near_goes_into_the_activity():
     terms = [t for p in parsed("person enters vehicle within 1 m").activity.phases for t in p.terms]
     assert {t.parameters["tau_m"] for t in terms if t.predicate == "near"} == {1.0}
-    with pytest.raises(InputError, match="does not say how near"):
+    with pytest.raises(InputError, match="of whom"):
         parsed("vehicle turns left within 1 m")
 
 

@@ -42,14 +42,14 @@ def test_random_text(text):
     understood_or_refused(text)
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(st.lists(st.sampled_from(STEADY) | st.sampled_from(WORDS + OTHERS), max_size=12))
 def test_random_words_that_are_known(words):
     """Half of them from those that often fit together."""
     understood_or_refused(" ".join(words))
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(st.data())
 def test_two_searches_joined_by_anything(data):
     clauses = st.sampled_from([

@@ -120,7 +120,8 @@ def _together(first: Piece, second: Piece, link: str, span: Span, discourse: Dis
 def _contradict(first: Piece, second: Piece) -> bool:
     """Whether a statement of a state excludes one of another piece."""
     terms = (term for phase in first.phases for term in phase.terms)
-    return any(exclude(one, other) for one in terms for other in second.terms)
+    changing = [term for term in second.terms if term.predicate != "coloured"]
+    return any(exclude(one, other) for one in terms for other in changing)
 
 
 def _settles(first: Piece, second: Piece) -> bool:
@@ -227,7 +228,9 @@ def _done(clause: Clause, done: Done, discourse: Discourse) -> Piece:
         first = activity_of(replace(clause, subjects=nouns[:1]), done, known)
         objects = tuple(replace(n, article="definite", count=1) for n in done.nouns)
         again = replace(done, nouns=objects)
+        both = known.subject
         second = activity_of(replace(clause, subjects=nouns[1:]), again, known)
+        known.subject = (*both, *known.subject)
         return _and_then(first, second, known)
 
     def whole(known: Discourse) -> Piece:
@@ -251,7 +254,9 @@ def _rank(clause: Clause) -> tuple[int, int, bool]:
     if isinstance(core, Done):
         passive = any(one.is_passive for one in core.meant)
         short = all(one.is_short for one in core.meant)
-        return (len(clause.modifiers), int(wants_state and not passive), short)
+        is_cut = any(one.is_short for one in core.meant)
+        loose = is_cut and any(said.spot is not None for said in clause.parts(Said))
+        return (len(clause.modifiers) + loose, int(wants_state and not passive), short)
     return (len(clause.modifiers), int(not wants_state), False)
 
 

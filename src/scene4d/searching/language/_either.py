@@ -74,14 +74,8 @@ def either(
 
 def _distinct(found: Sequence[Reading]) -> list[Reading]:
     """Those that are not said twice: "stops or parks"."""
-    return [
-        one
-        for at, one in enumerate(found)
-        if all(
-            replace(o.query.activity, name="") != replace(one.query.activity, name="")
-            for o in found[:at]
-        )
-    ]
+    said = [(replace(one.query.activity, name=""), one.query.window) for one in found]
+    return [one for at, one in enumerate(found) if said[at] not in said[:at]]
 
 
 def _noted(one: Reading, found: Sequence[Reading], note: Sequence[str]) -> Reading:

@@ -76,7 +76,8 @@ class NounReader(TimeReader):
             span,
             tuple(adjectives),
             relatives,
-            word == "people" or re.search(rf"\b{re.escape(word)}\b", surface) is None,
+            word == "people"
+            or re.search(rf"^(?!each|every).*\b{re.escape(word)}\b", surface) is None,
             count,
             exactly,
         )

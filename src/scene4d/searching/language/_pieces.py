@@ -169,8 +169,18 @@ def exclude(one: Term, other: Term) -> bool:
         return one.negated != other.negated
     if one.roles == other.roles and {one.predicate, other.predicate} in _APART:
         return not one.negated and not other.negated
+    if one.predicate == other.predicate == "coloured":
+        return one.roles == other.roles and _differ_in_colour(one, other)
     (low, high), (least, most) = _speeds(one), _speeds(other)
     return one.roles[0] == other.roles[0] and (low >= most or least >= high)
+
+
+def _differ_in_colour(one: Term, other: Term) -> bool:
+    """Whether one part cannot have both colours; what is dark may be blue, or black."""
+    colours = {str(term.parameters["colour"]).split()[-1] for term in (one, other)}
+    is_same_part = one.parameters.get("part") == other.parameters.get("part")
+    are_affirmed = not one.negated and not other.negated
+    return are_affirmed and is_same_part and len(colours - {"dark", "light"}) > 1
 
 
 def _speeds(term: Term) -> tuple[float, float]:

@@ -24,7 +24,7 @@ from scene4d.searching.language._lexicon import Lexicon, Refusal
 from scene4d.searching.language._pieces import Piece, exclude
 from scene4d.searching.language._reading import read_tree
 from scene4d.searching.language._refusals import refusal_at
-from scene4d.searching.language._sentences import Clock, options_of
+from scene4d.searching.language._sentences import Choice, Clock, options_of
 from scene4d.searching.language._times import window_of
 from scene4d.searching.language._words import Word, read_words, refuse, refused
 from scene4d.searching.predicates._registry import PREDICATES
@@ -106,7 +106,9 @@ def _one(
     if len({one.clocks for one in sentences}) > 1:
         notes.append("the time of day is taken of the words beside it; say it first for the event")
     discourse = Discourse(text, grammar.lexicon)
-    piece = compose(sentence.order, discourse)
+    alike = [one.order for one in sentences if one.clocks == sentence.clocks]
+    orders = tuple(way for order in alike for way in options_of(order))
+    piece = compose(Choice(orders), discourse)
     if any(one.absent for one in discourse.roles()) and len(piece.phases) > 1:
         raise refuse(text, 0, NOBODY)
     _check_possible(piece, discourse)
@@ -126,27 +128,21 @@ def _check_possible(piece: Piece, discourse: Discourse) -> None:
         for one, other in combinations(phase.terms, 2):
             if exclude(one, other):
                 said = f"{term_text(one)} and {term_text(other)} are never so at the same time"
-                what = f'{said}; say what comes first, as in "A, then B"'
+                what = f'{said}; say one of them, or what comes first, as in "A, then B"'
                 raise refuse(discourse.text, 0, what)
 
 
 def _joined(text: str, found: Sequence[Query]) -> Query:
     """A search for any of several things."""
     roles: dict[str, Role] = {}
-    for one in found:
-        for role in one.activity.roles:
-            known = roles.setdefault(role.name, role)
-            classes = tuple(c for c in CLASSES if c in {*known.classes, *role.classes})
-            roles[role.name] = replace(known, classes=classes)
-    spots = tuple(dict.fromkeys(spot.name for one in found for spot in one.activity.spots))
-    every = {spot.name: spot for one in found for spot in one.activity.spots}
-    activity = Activity(
-        " ".join(text.split()),
-        tuple(roles.values()),
-        (),
-        spots=tuple(every[name] for name in spots),
-        alternatives=tuple(one.activity for one in found),
-    )
+    for role in (role for one in found for role in one.activity.roles):
+        known = roles.setdefault(role.name, role)
+        classes = tuple(c for c in CLASSES if c in {*known.classes, *role.classes})
+        roles[role.name] = replace(known, classes=classes)
+    spots = {spot.name: spot for one in found for spot in one.activity.spots}
+    either = tuple(one.activity for one in found)
+    name, who = " ".join(text.split()), tuple(roles.values())
+    activity = Activity(name, who, (), spots=tuple(spots.values()), alternatives=either)
     windows = list(dict.fromkeys(one.window for one in found if one.window is not None))
     notes = dict.fromkeys(note for one in found for note in one.notes)
     if len(windows) > 1:
@@ -161,34 +157,33 @@ def explain(activity: Activity, window: Window | None, notes: Sequence[str]) -> 
     """The decomposition as text: who, the phases with their durations and terms, when, notes."""
     lines = []
     for number, one in enumerate(activity.alternatives):
-        lines.append(f'{"or" if number else "either"} "{one.name}"')
-        lines += [f"   {line}" for line in _explained(one)]
+        lines += [f'{"or" if number else "either"} "{one.name}"', *_indented(one)]
     lines += [] if activity.alternatives else _explained(activity)
     for spot in activity.spots:
-        lines.append(f'spot "{spot.name}": another one, {spot.when}')
-        lines += [f"   {line}" for line in _explained(spot.activity)]
+        lines += [f'spot "{spot.name}": another one, {spot.when}', *_indented(spot.activity)]
     if window is not None:
         lines.append(f"time of day: {window}")
     return [*lines, *(f"note: {note}" for note in notes)]
 
 
+def _indented(activity: Activity) -> list[str]:
+    return [f"   {line}" for line in _explained(activity)]
+
+
 def _explained(activity: Activity) -> list[str]:
-    lines = [
-        f"{role.name}: {_at_least(role)}{' or '.join(role.classes)}"
-        + (", of whom there is none" if role.absent else "")
-        for role in activity.roles
-    ]
+    lines = [f"{role.name}: {_how_many(role)}" for role in activity.roles]
     for number, phase in enumerate(activity.phases, 1):
         lines.append(f"{number}. {phase.name}{_lasting(phase)}{_pause(phase, number)}")
         lines += [f"   {term_text(term)}" for term in phase.terms]
     return [*lines, *(f"{r.first} {r.relation} {r.second}" for r in activity.relations)]
 
 
-def _at_least(role: Role) -> str:
-    if not role.is_counted:
-        return ""
-    many = f"{'exactly' if role.exactly else 'at least'} {role.count}"
-    return f"{many} at the same time, one of them throughout, "
+def _how_many(role: Role) -> str:
+    said = " or ".join(role.classes)
+    if role.is_counted:
+        many = f"{'exactly' if role.exactly else 'at least'} {role.count}"
+        said = f"{many} at the same time, one of them throughout, {said}"
+    return f"{said}, of whom there is none" if role.absent else said
 
 
 def _lasting(phase: Phase) -> str:
@@ -216,12 +211,9 @@ def _activity(
     """The catalogue's own where it was asked for alone, else one named as it was said."""
     used = {role for phase in piece.phases for term in phase.terms for role in term.roles}
     roles = tuple(role for role in discourse.roles() if role.name in used)
-    known = catalogue.get(piece.name)
-    if known is not None:
-        said = replace(known, roles=roles, phases=piece.phases, relations=piece.relations)
-    else:
-        said = Activity(" ".join(text.split()), roles, piece.phases, piece.relations)
-    return replace(said, spots=discourse.spots)
+    known = catalogue.get(piece.name) or Activity(" ".join(text.split()), (), ())
+    how = {"phases": piece.phases, "relations": piece.relations, "spots": discourse.spots}
+    return replace(known, roles=roles, **how)  # type: ignore[arg-type]
 
 
 def _window_of(clocks: Sequence[Clock], discourse: Discourse, notes: list[str]) -> Window | None:
@@ -249,24 +241,22 @@ def _parse(text: str, words: Sequence[Word], grammar: Grammar, quick: bool) -> T
     try:
         return grammar.parse(words, quick=quick)
     except UnexpectedInput as error:
+        unknown = InputError(f'search "{text}": it is not understood')
         if quick:
-            raise InputError(f'search "{text}": it is not understood') from None
+            raise unknown from None
         known = _refused_in(text, words, grammar)
-        raise known or _not_understood(text, error, words, grammar) from None
+        if known is None and isinstance(error, UnexpectedToken):
+            known = _unexpected(text, error, words, grammar)
+        elif known is None and isinstance(error, UnexpectedEOF):
+            known = _too_early(text, error, words[-1], grammar)
+        raise known or unknown from None
 
 
-def _not_understood(
-    text: str, error: UnexpectedInput, words: Sequence[Word], grammar: Grammar
-) -> InputError:
-    if isinstance(error, UnexpectedToken):
-        return _unexpected(text, error, words, grammar)
-    if isinstance(error, UnexpectedEOF):
-        last = words[-1]
-        if last.kind == "number":
-            return _no_unit(text, last)
-        known = _spoken(error.expected, grammar)
-        return refuse(text, last.end, f'it ends too early after "{last.surface}"; {known}')
-    return InputError(f'search "{text}": it is not understood: {error}')
+def _too_early(text: str, error: UnexpectedEOF, last: Word, grammar: Grammar) -> InputError:
+    if last.kind == "number":
+        return _no_unit(text, last)
+    known = _spoken(error.expected, grammar)
+    return refuse(text, last.end, f'it ends too early after "{last.surface}"; {known}')
 
 
 def _refused_in(text: str, words: Sequence[Word], grammar: Grammar) -> InputError | None:
@@ -299,7 +289,7 @@ def _unexpected(
         say = "in zone" if word.kind == "zone" else "crosses line"
         what = f'"{word.surface}" is a {word.kind}, neither person nor vehicle'
         return refuse(text, start, f'{what}; say "{say} {word.value}", or draw a zone there')
-    if word.value in _flat({"": tuple(w for _, ws in grammar.lexicon.units["speed"] for w in ws)}):
+    if any(word.value in words for _, words in grammar.lexicon.units["speed"]):
         what = f'"{word.surface}": say "faster than" or "slower than" for a speed'
         return refuse(text, start, what)
     if before and before[-1].kind == "number" and word.value not in units:
@@ -334,22 +324,20 @@ def _spoken(expected: Collection[str], grammar: Grammar) -> str:
 def _kinds(lexicon: Lexicon) -> dict[str, frozenset[str]]:
     """Words by what they are called to a reader."""
 
-    def first(patterns: Iterable[str]) -> frozenset[str]:
-        return frozenset(p.split()[0] for p in patterns if p[0] not in "{$")
+    def first(tables: Iterable[Iterable[str]]) -> frozenset[str]:
+        return frozenset(p.split()[0] for table in tables for p in table if p[0] not in "{$")
 
-    nouns = [*(w for e in lexicon.nouns for w in e.words), *_flat(lexicon.articles)]
-    nouns += [*_flat(lexicon.pronouns), *(w for a in lexicon.adjectives for w in a.words)]
-    nouns += _flat(lexicon.colours)
-    verbs = [w for e in lexicon.verbs.values() for w in e.words]
-    verbs += [w for e in lexicon.states for w in e.verb] + list(lexicon.sets["auxiliary"])
-    relations = [w for e in lexicon.states for w in e.relation]
-    units = [w for table in lexicon.units.values() for _, words in table for w in words]
+    tables = (lexicon.articles, lexicon.pronouns, lexicon.colours)
+    who = [words for table in tables for words in table.values()]
+    who += [entry.words for entry in lexicon.nouns] + [one.words for one in lexicon.adjectives]
+    does = [entry.words for entry in lexicon.verbs.values()]
+    does += [entry.verb for entry in lexicon.states] + [lexicon.sets["auxiliary"], ("be",)]
     return {
-        "a person or vehicle": frozenset(nouns),
-        'what they do (such as "enters", "is near")': first(verbs) | {"be"},
-        'where (such as "near", "in zone")': first(relations),
-        "a unit": first(units),
-        "a number": first(w for _, words in lexicon.numbers for w in words),
+        "a person or vehicle": frozenset(word for words in who for word in words),
+        'what they do (such as "enters", "is near")': first(does),
+        'where (such as "near", "in zone")': first(entry.relation for entry in lexicon.states),
+        "a unit": first(words for table in lexicon.units.values() for _, words in table),
+        "a number": first(words for _, words in lexicon.numbers),
     }
 
 
@@ -358,7 +346,3 @@ def _are_alike(one: Word, other: Word, lexicon: Lexicon) -> bool:
     kinds = _kinds(lexicon)
     nouns = kinds["a person or vehicle"] | kinds["a number"]
     return (one.value in nouns) == (other.value in nouns)
-
-
-def _flat(table: Mapping[str, tuple[str, ...]]) -> list[str]:
-    return [word for words in table.values() for word in words]

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from scene4d.searching.activities.definition import Activity, Spot, Term
 from scene4d.searching.language._discourse import Discourse
@@ -29,16 +30,12 @@ def with_spots(clause: Clause, discourse: Discourse, read: _Read) -> Clause:
     """A clause of which the spots are named, and known to the discourse; ``read`` reads what was
     done there. Raises :class:`InputError` for what cannot be asked of another time.
     """
-    core = clause.core
-    if isinstance(core, Said) and core.spot is not None:
-        clause = replace(clause, core=_named(core, core.spot, clause, discourse, read))
-    modifiers = tuple(
-        _named(part, part.spot, clause, discourse, read)
-        if isinstance(part, Said) and part.spot is not None
-        else part
-        for part in clause.modifiers
-    )
-    return replace(clause, modifiers=modifiers)
+
+    def named(part: Any) -> Any:
+        is_spot = isinstance(part, Said) and part.spot is not None
+        return _named(part, part.spot, clause, discourse, read) if is_spot else part
+
+    return replace(clause, core=named(clause.core), modifiers=tuple(map(named, clause.modifiers)))
 
 
 def _named(said: Said, spot: SpotSaid, clause: Clause, discourse: Discourse, read: _Read) -> Said:
@@ -71,10 +68,8 @@ def _check_other(noun: Noun, clause: Clause, discourse: Discourse) -> None:
         what = "nobody is compared with himself at another time"
         raise discourse.refuse(noun.span, f'{what}; say "another {noun.kind}"')
     if noun.count > 1:
-        what = "spots are those of one at a time"
-        raise discourse.refuse(
-            noun.span, f'{what}; say "another {noun.kind}", or "where people met"'
-        )
+        what = f'say "another {noun.kind}", or "where people met"'
+        raise discourse.refuse(noun.span, f"spots are those of one at a time; {what}")
 
 
 def _done_there(spot: SpotSaid, there: Discourse, read: _Read) -> Piece:
@@ -105,29 +100,25 @@ def _phase(spot: SpotSaid, piece: Piece) -> str | None:
 def _like_subject(noun: Noun, clause: Clause, discourse: Discourse) -> Noun:
     """ "Another" is one as the subject."""
     subjects = clause.subjects
-    if subjects and subjects[0].classes:
-        return replace(
-            noun, kind=subjects[0].kind, classes=subjects[0].classes, word=subjects[0].word
-        )
-    raise discourse.refuse(noun.span, '"another" what? Say "another person", for example')
+    if not (subjects and subjects[0].classes):
+        raise discourse.refuse(noun.span, '"another" what? Say "another person", for example')
+    one = subjects[0]
+    return replace(noun, kind=one.kind, classes=one.classes, word=one.word)
 
 
 def _bound(said: Said, spot: SpotSaid, discourse: Discourse, read: _Read) -> Said:
     """Somebody who takes part was there before: he is looked at so much earlier."""
-    words, when = discourse.said(spot.span), spot.when
     known = Discourse(discourse.text, discourse.lexicon, dict(discourse.people), discourse.mentions)
     piece = _done_there(spot, known, read)
     is_state = len(piece.phases) == 1 and all(len(term.roles) == 1 for term in piece.terms)
-    if not is_state or when != When(is_over=True) or piece.is_timed or said.entry.becomes:
-        what = f'"{words}": of whom takes part say only what he was, as in "where the car was"'
+    is_ever = spot.when == When(is_over=True) and not piece.is_timed
+    if not (is_state and is_ever) or said.entry.becomes:
+        what = '{}: of whom takes part say only what he was, as in "where the car was"'
         raise discourse.refuse(spot.span, what)
     lag = {"lag_s": float("inf")}
     distance = {"tau_m": said.values["distance"]} if "distance" in said.values else {}
     near = Term("near", ("a", "b"), {**distance, **lag})
-    terms = [
-        replace(term, roles=("b",), parameters={**term.parameters, **lag})
-        for term in piece.terms
-        if term.predicate != "present"
-    ]
+    was = [term for term in piece.terms if term.predicate != "present"]
+    terms = [replace(t, roles=("b",), parameters={**t.parameters, **lag}) for t in was]
     entry = StateEntry((near, *terms))
     return replace(said, entry=entry, nouns=(spot.noun,), values={}, spot=None)

@@ -33,6 +33,7 @@ _TOKEN = re.compile(
     |(?P<other>.)""",
     re.VERBOSE | re.IGNORECASE,
 )
+_NOTHING = "this sign means nothing here"
 _SHORTENED = {"ca": "can", "wo": "will"}
 _CLOCK = re.compile(
     r"(?P<hour>\d{1,2})(?::(?P<minute>\d{2}))?(?::(?P<second>\d{2}))?\s*(?P<half>[ap])?\.?m?\.?(?:o['’]clock)?",
@@ -99,8 +100,7 @@ def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
     found: list[Word] = []
     at = 0
     while at < len(text):
-        name = _name_at(text, at, found, vocabulary)
-        if name is not None:
+        if (name := _name_at(text, at, found, vocabulary)) is not None:
             found.append(name)
             at = name.end
             continue
@@ -108,7 +108,7 @@ def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
         if match is not None and match.lastgroup == "word":
             _check_refused(text, match, vocabulary)
         if match is None:  # a line break, which "." does not match, is space already
-            raise refuse(text, at, "this sign means nothing here")
+            raise refuse(text, at, _NOTHING)
         found += _words_of(match, text, vocabulary)
         at = match.end()
         one = "-".join(word.value for word in found[-2:])
@@ -118,10 +118,8 @@ def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
     if not found:
         raise InputError('search: it is empty; say for example "person enters vehicle"')
     if len(found) > _MOST_WORDS:
-        raise InputError(
-            f"search: {len(found)} words, at most {_MOST_WORDS} are allowed; "
-            "split it into several searches"
-        )
+        what = f"{len(found)} words, at most {_MOST_WORDS} are allowed"
+        raise InputError(f"search: {what}; split it into several searches")
     return found
 
 
@@ -141,16 +139,12 @@ def _words_of(match: re.Match, text: str, vocabulary: Vocabulary) -> list[Word]:
     if kind == "space":
         return []
     if kind == "other":
-        hint = (
-            "a number here is not negative" if surface in "-−" else "this sign means nothing here"
-        )
+        hint = "a number here is not negative" if surface in "-−" else _NOTHING
         raise refuse(text, start, f'"{surface}": {hint}')
     if kind == "quoted":
         return [_quoted(surface[1:-1], text, start, end, vocabulary)]
-    if kind == "to":
-        return [Word("word", "to", start, end, surface)]
-    if kind == "not":
-        return [Word("word", "not", start, end, surface)]
+    if kind in {"to", "not"}:
+        return [Word("word", kind, start, end, surface)]
     if kind in {"word", "unit"}:
         followed = text[end : end + 1].casefold() == "n" and text[end + 1 : end + 2] in "'’"
         whole = _SHORTENED.get(surface.casefold(), surface) if followed else surface
@@ -166,11 +160,9 @@ def _known(surface: str, text: str, span: tuple[int, int], vocabulary: Vocabular
     if word is not None:
         return [Word("word", word, start, end, surface)]
     if "-" in surface:
-        parts: list[Word] = []
-        for part in re.finditer(r"[^-]+", surface):
-            at = (start + part.start(), start + part.end())
-            parts += _known(part.group(), text, at, vocabulary)
-        return parts
+        parts = re.finditer(r"[^-]+", surface)
+        spans = [(start + part.start(), start + part.end()) for part in parts]
+        return [word for at in spans for word in _known(text[slice(*at)], text, at, vocabulary)]
     raise refuse(text, start, f'"{surface}" is not a known word{_nearest(surface, vocabulary)}')
 
 
@@ -178,10 +170,9 @@ def _nearest(surface: str, vocabulary: Vocabulary) -> str:
     names = [name.casefold() for names in vocabulary.places.values() for name in names]
     known = sorted({*vocabulary.words, *names})
     forms = [surface.casefold(), *base_forms(surface.casefold())]
-    near = [word for form in forms for word in get_close_matches(form, known, 3, 0.75)]
-    said = ", ".join(f'"{word}"' for word in dict.fromkeys(near))
-    if said:
-        return f"; the nearest are {said}"
+    near = [f'"{word}"' for form in forms for word in get_close_matches(form, known, 3, 0.75)]
+    if near:
+        return f"; the nearest are {', '.join(dict.fromkeys(near))}"
     return "; none is near; docs/search-language.md lists what may be said"
 
 
@@ -199,23 +190,19 @@ def _name_at(text: str, at: int, before: list[Word], vocabulary: Vocabulary) -> 
             _check_name(text, at, said, vocabulary)
             return None
         return Word(said, name, at, at + len(name), text[at : at + len(name)])
-    for kind, name in found.items():
-        if name is None or not vocabulary.may_be_name(name):
-            continue
-        if None not in found.values():
-            both = f'"{name}" is a zone and a line; say "zone {name}" or "line {name}"'
-            raise refuse(text, at, both)
-        return Word(kind, name, at, at + len(name), text[at : at + len(name)])
-    return None
+    meant = [(k, name) for k, name in found.items() if name and vocabulary.may_be_name(name)]
+    if len(meant) > 1:
+        name = meant[0][1]
+        both = f'"{name}" is a zone and a line; say "zone {name}" or "line {name}"'
+        raise refuse(text, at, both)
+    return next((Word(k, n, at, at + len(n), text[at : at + len(n)]) for k, n in meant), None)
 
 
 def _check_name(text: str, at: int, kind: str, vocabulary: Vocabulary) -> None:
     """Raise for a word after "zone" that is neither a name nor anything else."""
     match = _TOKEN.match(text, at)
-    if match is None or match.lastgroup not in {"word", "number"}:
-        return
-    surface = match.group()
-    if match.lastgroup == "number" or vocabulary.word(surface) is None:
+    surface, of = (match.group(), match.lastgroup) if match is not None else ("", None)
+    if of == "number" or (of == "word" and vocabulary.word(surface) is None):
         raise refuse(text, at, _unknown_name(surface, kind, vocabulary.places[kind]))
 
 
@@ -239,10 +226,10 @@ def _longest(text: str, at: int, names: Sequence[str]) -> str | None:
 def _quoted(name: str, text: str, start: int, end: int, vocabulary: Vocabulary) -> Word:
     after_line = text[:start].split()[-1:] == ["line"]
     kinds = ("line", "zone") if after_line else ("zone", "line")
-    for kind in kinds:
-        if name in vocabulary.places[kind]:
-            return Word(kind, name, start, end, name)
-    raise refuse(text, start, _unknown_name(name, kinds[0], vocabulary.places[kinds[0]]))
+    kind = next((kind for kind in kinds if name in vocabulary.places[kind]), None)
+    if kind is None:
+        raise refuse(text, start, _unknown_name(name, kinds[0], vocabulary.places[kinds[0]]))
+    return Word(kind, name, start, end, name)
 
 
 # Amounts and times of day ------------------------------------------------------------------------
