@@ -39,7 +39,7 @@ PROMISED = {
         "--top --min-score --min-probability --catalogue --zones --footage --out --actev --json"
     ),
     "align": "--out --anchor --max-offset --json",
-    "fleet": "--out --json",
+    "fleet": "--out --ray --json",
     "evaluate pets": "--data --out --json",
     "evaluate towncentre": "--data --out --json",
     "evaluate virat": "--data --clip --image-size --out --json",

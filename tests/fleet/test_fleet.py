@@ -6,7 +6,7 @@ from pathlib import Path
 
 import duckdb
 import pytest
-from fleet_plans import boxes, plan
+from fleet_plans import boxes, plan, results
 
 from scene4d.core.errors import InputError, OutputError
 from scene4d.fleet import _stages as stages
@@ -31,13 +31,6 @@ def counted(monkeypatch) -> list[str]:
 
     monkeypatch.setitem(stages._STAGES, "track", track)
     return given
-
-
-def results(store: Path) -> dict[str, bytes]:
-    """All files of results that are done."""
-    done = [json.loads(path.read_text())["path"] for path in (store / "done").glob("*.json")]
-    files = (one for path in done for one in (store / path).rglob("*") if one.is_file())
-    return {str(one.relative_to(store)): one.read_bytes() for one in files}
 
 
 def test_what_is_there_is_not_done_again(folder, counted):

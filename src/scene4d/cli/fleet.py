@@ -1,4 +1,4 @@
-"""``scene4d fleet``: a plan of many cameras and clips, done here."""
+"""``scene4d fleet``: a plan of many cameras and clips."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -36,8 +36,17 @@ def fleet(
             show_default=False,
         ),
     ],
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Ray cluster that does the work, as 10.0.0.1:6379; local makes one of this "
+            "machine. Default: one task after the other, in this process.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> Answer:
-    """Calibrate, track, align and search many cameras, one task after the other.
+    """Calibrate, track, align and search many cameras, on one machine or on many.
 
     PLAN says what is to be done; docs/fleet.md shows one. What STORE holds already is not done
     again, so that a fleet that was killed, or whose plan has grown, goes on where it was. Clips
@@ -46,14 +55,15 @@ def fleet(
     [bold]Examples[/bold]
 
       scene4d fleet plan.yaml --out store
-      scene4d fleet clips --out store --json
+      scene4d fleet clips --out store --ray local
+      scene4d fleet plan.yaml --out s3://city/october --ray 10.0.0.1:6379 --json
     """
     if not plan.exists():
         raise typer.BadParameter(f"{plan} does not exist", param_hint="PLAN")
     from scene4d.fleet import run_fleet
 
     with job.progress() as progress:
-        found = run_fleet(plan, out, progress=progress)
+        found = run_fleet(plan, out, ray=ray, progress=progress)
     aside = len(found.quarantine)
     word = "task is" if aside == 1 else "tasks are"
     warnings = [f"{aside} {word} in quarantine; {found.store}/quarantine says why"] if aside else []

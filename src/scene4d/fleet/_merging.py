@@ -26,7 +26,7 @@ def merged(words: Sequence[str], line: Line, store: Store) -> dict[str, dict[str
             for task, need in ((line.tasks[n], need) for n, need in line.results.items())
             if task.stage == "search" and task.words == one
         ]
-        with tempfile.TemporaryDirectory(prefix="scene4d-fleet-") as name:
+        with tempfile.TemporaryDirectory(prefix="scene4d-events-") as name:
             found[one] = _merged(parts, f"events/{number}.parquet", store, Path(name))
     return found
 

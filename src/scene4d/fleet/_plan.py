@@ -22,17 +22,19 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
+from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from scene4d.alignment import AlignOptions
-from scene4d.calibration.options import CalibrateOptions
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
 from scene4d.core.text import quoted
 from scene4d.fleet._yaml import read_yaml
-from scene4d.searching import SearchOptions
 from scene4d.store.runs import file_name
-from scene4d.tracking import TrackOptions
+
+if TYPE_CHECKING:  # a worker loads those of its own task alone
+    from scene4d.alignment import AlignOptions
+    from scene4d.calibration.options import CalibrateOptions
+    from scene4d.searching import SearchOptions
+    from scene4d.tracking import TrackOptions
 
 _STAGES = ("calibrate", "track", "align", "search")
 _VIDEOS = frozenset({".mp4", ".m4v", ".mkv", ".mov", ".avi", ".ts", ".mpg", ".webm"})
@@ -85,10 +87,10 @@ class Plan:
     """A plan that was read and checked; a stage that is None is not wanted."""
 
     cameras: tuple[Footage, ...]
-    calibrate: CalibrateOptions | None = None
-    track: TrackOptions | None = None
-    align: AlignOptions | None = None
-    search: SearchOptions | None = None
+    calibrate: "CalibrateOptions | None" = None
+    track: "TrackOptions | None" = None
+    align: "AlignOptions | None" = None
+    search: "SearchOptions | None" = None
     words: tuple[str, ...] = ()
     workers: Workers = Workers()
 
@@ -97,20 +99,25 @@ def read_plan(path: str | Path) -> Plan:
     """Read a plan, or make one of a folder of clips. Raises :class:`InputError` naming file and
     field for whatever is not as it must be, also for footage and files that are not there.
     """
+    from scene4d.alignment import AlignOptions
+    from scene4d.calibration.options import CalibrateOptions
+    from scene4d.tracking import TrackOptions
+
     path = Path(path)
+    base = path.parent.absolute()  # workers stand elsewhere
     if path.is_dir():
-        return _of_folder(path)
+        return _of_folder(path.absolute())
     said = JsonObject(read_yaml(path), str(path))
     said.only(("cameras", *_STAGES, "workers"))
     cameras = said.object("cameras")
     if not cameras.names():
         raise said.error("cameras", "one camera or more")
-    words, search = _search(said, path.parent)
+    words, search = _search(said, base)
     plan = Plan(
-        tuple(_footage(cameras, name, path.parent) for name in cameras.names()),
-        _stage(said, "calibrate", CalibrateOptions, path.parent),
-        _stage(said, "track", TrackOptions, path.parent),
-        _stage(said, "align", AlignOptions, path.parent),
+        tuple(_footage(cameras, name, base) for name in cameras.names()),
+        _stage(said, "calibrate", CalibrateOptions, base),
+        _stage(said, "track", TrackOptions, base),
+        _stage(said, "align", AlignOptions, base),
         search,
         words,
         _workers(said),
@@ -120,6 +127,9 @@ def read_plan(path: str | Path) -> Plan:
 
 
 def _of_folder(folder: Path) -> Plan:
+    from scene4d.calibration.options import CalibrateOptions
+    from scene4d.tracking import TrackOptions
+
     found = []
     for here in (folder, *sorted(one for one in folder.iterdir() if one.is_dir())):
         clips = sorted(one for one in here.iterdir() if one.suffix.lower() in _VIDEOS)
@@ -210,8 +220,9 @@ def _beside(text: str, base: Path) -> str | Path:
         return text
 
 
-def _search(said: JsonObject, base: Path) -> tuple[tuple[str, ...], SearchOptions | None]:
+def _search(said: JsonObject, base: Path) -> tuple[tuple[str, ...], "SearchOptions | None"]:
     """What to search for, which must be understood, and how."""
+    from scene4d.searching import SearchOptions
     from scene4d.searching.activities.catalogue import load_catalogue
     from scene4d.searching.language import parse_query
 

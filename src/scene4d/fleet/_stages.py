@@ -2,6 +2,7 @@
 
 import errno
 import io
+import os
 import shutil
 import tempfile
 import time
@@ -18,10 +19,12 @@ from scene4d.fleet._tasks import Job
 
 EVENTS = "events.parquet"
 _CAMERA = "camera.json"
+_SCRATCH = "scene4d-fleet-"
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS})
 _HERE = frozenset({OutputError.kind, UnavailableError.kind})
 """Kinds of failures that are not the clip's: the machine lacks something."""
-KILLED = "killed"
+KILLED, LOST = "killed", "lost"
+"""Kinds that executors tell: a job's worker came to its end, or the machine under it."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,8 @@ def work(job: Job, address: str) -> Outcome:
     footage_s, kind, reason = 0.0, None, None
     try:
         store = Store(address)
-        with tempfile.TemporaryDirectory(prefix="scene4d-fleet-") as name:
+        _sweep()
+        with tempfile.TemporaryDirectory(prefix=f"{_SCRATCH}{os.getpid()}-") as name:
             out = Path(name) / "out"
             out.mkdir()
             footage_s = _STAGES[job.task.stage](job, store, Path(name), out)
@@ -65,6 +69,20 @@ def work(job: Job, address: str) -> Outcome:
     return Outcome(
         time.perf_counter() - wall_s, time.process_time() - cpu_s, footage_s, kind, reason
     )
+
+
+def _sweep() -> None:
+    """Remove what workers of this machine left that were killed."""
+    if os.name != "posix":  # elsewhere asking for a process ends it
+        return
+    for folder in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*"):
+        pid = folder.name.removeprefix(_SCRATCH).partition("-")[0]
+        try:
+            os.kill(int(pid), 0)
+        except ProcessLookupError:
+            shutil.rmtree(folder, ignore_errors=True)
+        except (OSError, ValueError):  # it is somebody else's
+            continue
 
 
 def said_of(job: Job) -> dict[str, Any]:

@@ -33,7 +33,6 @@ class Store:
     """
 
     def __init__(self, address: str) -> None:
-        self.address = address.rstrip("/") or address
         try:
             self._fs, root = fsspec.core.url_to_fs(address)
         except ImportError as error:
@@ -47,6 +46,7 @@ class Store:
         self._root = str(root).rstrip("/")
         local = isinstance(self._fs, LocalFileSystem)
         self._local = Path(self._root) if local else None
+        self.address = self._root if local else address.rstrip("/")  # workers stand elsewhere
 
     def open(self) -> None:
         """Make it where it is not there, and check that it can be written."""

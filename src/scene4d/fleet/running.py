@@ -1,5 +1,6 @@
 """``run_fleet``: a plan's tasks, as many at a time as there is room for, until all have ended."""
 
+import logging
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,11 +12,12 @@ from scene4d.fleet._clips import Clips
 from scene4d.fleet._here import Executor, Here
 from scene4d.fleet._merging import merged
 from scene4d.fleet._plan import Plan, read_plan
-from scene4d.fleet._stages import KILLED, Outcome, Work, said_of, work
+from scene4d.fleet._stages import KILLED, LOST, Outcome, Work, said_of, work
 from scene4d.fleet._status import Status
 from scene4d.fleet._store import Store
 from scene4d.fleet._tasks import Job, Line, key_of, tasks_of
 
+_log = logging.getLogger("scene4d")
 _ERRORS = {kind.kind: kind for kind in (OutputError, UnavailableError)}
 _SAVED_EVERY_S = 5.0
 """How often ``status.json`` is written, and what clips contain: both are small."""
@@ -47,24 +49,26 @@ def run_fleet(
     plan: str | Path | Plan,
     store: str | Path,
     *,
+    ray: str | None = None,
     progress: Progress | None = None,
     work: Work = work,
 ) -> FleetRun:
     """Do what a plan says, but for what the store holds already; may be killed and run again.
 
     ``plan`` is a file or a folder of clips (:func:`.read_plan`), ``store`` a folder or an address
-    that fsspec knows, as ``s3://bucket/fleet``. Tasks run one after the other in this process. A
-    clip that fails by its own fault is put into the store's quarantine, and the others go on.
-    ``work`` does one task.
+    that fsspec knows, as ``s3://bucket/fleet``. Tasks run one after the other in this process, or
+    on Ray: ``ray`` is the address of a cluster, or ``"local"`` for one on this machine. A clip that
+    fails by its own fault, or kills one worker after another, is put into the store's quarantine,
+    and the others go on. ``work`` does one task.
 
     Raises :class:`InputError` for a plan that is not as it must be; :class:`OutputError` and
-    :class:`UnavailableError` where the next clip would fail as well (a full disk, no weights);
-    what is done by then stays.
+    :class:`UnavailableError` where the next clip would fail as well (a full disk, no weights,
+    a cluster that is gone); what is done by then stays.
     """
     plan = plan if isinstance(plan, Plan) else read_plan(plan)
     there = Store(str(store))
     there.open()
-    executor = Here(there.address, work)
+    executor = _executor(plan, there.address, ray, work)
     try:
         fleet = _Fleet(plan, there, executor)
         with (progress or Silent()).stage(
@@ -75,6 +79,14 @@ def run_fleet(
         executor.close()
     events = merged(plan.words, fleet.line, there)
     return FleetRun(there.address, fleet.status, fleet.quarantine, events)
+
+
+def _executor(plan: Plan, address: str, ray: str | None, work: Work) -> Executor:
+    if ray is None:
+        return Here(address, work)
+    from scene4d.fleet._ray import OnRay
+
+    return OnRay(address, ray, plan.workers, work)
 
 
 class _Fleet:
@@ -128,7 +140,9 @@ class _Fleet:
             return
         number, outcome = self._executor.next()
         job = self._running[number]
-        if outcome.kind == KILLED and self._again(number):
+        if outcome.kind == LOST or (outcome.kind == KILLED and self._again(number)):
+            why = "machine was lost" if outcome.kind == LOST else "worker was killed"
+            _log.warning("%s: its %s; it is begun again", job.task.shown, why)
             self._executor.begin(number, job)
             return
         if outcome.ends_all:
@@ -138,7 +152,10 @@ class _Fleet:
             self._done.add(job.key)
             self._ended(number, job, outcome, step)
             return
-        said = said_of(job) | {"kind": outcome.kind, "reason": outcome.reason}
+        reason = outcome.reason
+        if outcome.kind == KILLED:
+            reason = f"it killed {self._killed[number]} workers ({reason})"
+        said = said_of(job) | {"kind": outcome.kind, "reason": reason}
         self._store.write(f"quarantine/{job.key}", said)
         self._put_aside(number, job, said, step, outcome)
 
