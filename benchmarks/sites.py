@@ -1,6 +1,6 @@
 """How well cameras of made sites are aligned, how well they know it, and what it costs.
 
-    python -m benchmarks.sites [--quick] [--write] [--only pairs nobody sites hour cameras]
+    python -m benchmarks.sites [--quick] [--write] [--only pairs nobody sites hour cameras between]
 
 Made sites (tests/alignment/worlds.py): people with stops and turns in a street, cameras with wrong
 focal length, tilt, roll, height, distortion and principal point, clocks minutes apart, frame rates
@@ -12,6 +12,7 @@ import argparse
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -22,13 +23,13 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from alignment.worlds import Site, made_site
 from benchmarks.tables import Rows, markdown
 from scene4d.alignment._graph import Solution, solve
-from scene4d.alignment._joint import refined
+from scene4d.alignment._joint import errors_together, refined
 from scene4d.alignment._pairs import Link, link
 from scene4d.alignment._paths import View, view_of
 from scene4d.core.calibration import Calibration
 
 PAGE = Path(__file__).parents[1] / "docs" / "alignment.md"
-SECTIONS = ("pairs", "nobody", "sites", "hour", "cameras")
+SECTIONS = ("pairs", "nobody", "sites", "hour", "cameras", "between")
 INSIDE = 1.96
 WRONG_M, WRONG_S = 5.0, 2.0
 """An alignment further off than this found other people."""
@@ -205,6 +206,56 @@ def cameras(seeds: int) -> Rows:
     return rows
 
 
+def between(seeds: int) -> Rows:
+    """Ways from what one camera sees to what another sees, at places of people: by what both err by
+    together, and by what each states.
+    """
+    rows: Rows = [["cameras", "pairs", "error", "sigma", "z: rms", "sigma by each", "z: rms"]]
+    for count in (2, 4):
+        off: list[np.ndarray] = []
+        told: dict[str, list[np.ndarray]] = {"together": [], "alone": []}
+        for seed in range(max(1, seeds // count)):
+            site = made_site(seed, cameras=count, overlap=0.5)
+            views, _, solution, _ = _solved(site)
+            seen = _seen_from_each(site, views, solution)
+            for (a, mine, own), (b, modes, other) in combinations(seen, 2):
+                by = modes - mine
+                off.append(b - a)
+                told["together"].append(by @ by.swapaxes(1, 2))
+                told["alone"].append(own + other)
+        error = np.concatenate(off)
+        row = [str(count), str(len(off)), f"{np.median(np.hypot(*error.T)):.2f} m"]
+        for covariances in told.values():
+            covariance = np.concatenate(covariances)
+            q = np.einsum("ni,ni->n", error, np.linalg.solve(covariance, error[..., None])[..., 0])
+            sigma = np.median(np.sqrt(np.trace(covariance, axis1=1, axis2=2)))
+            row += [f"{sigma:.2f} m", f"{np.sqrt(q.mean() / 2):.2f}"]
+        rows.append(row)
+    return rows
+
+
+def _seen_from_each(
+    site: Site, views: Sequence[View], solution: Solution
+) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Of each placed camera, at 40 places: errors in the site, modes, and what it states alone."""
+    errors, found = errors_together(views, solution), []
+    for one, better in zip(site.seen, refined(views, solution), strict=True):
+        if better is None or better.calibration.camera is None:
+            continue
+        placement, known = better.placement, better.calibration
+        rows = np.linspace(0, len(one.tracks) - 1, 40).astype(int)
+        uv, _ = one.calibration.ground_pixels(one.tracks.xy_m[rows])
+        assert known.camera is not None
+        xy, true = known.camera.locate(uv)[0], one.camera.locate(uv)[0]
+        first = one is site.seen[0]
+        there = true if first else replace(one.truth, scale=1.0).points(true)
+        shared, _ = known.ground_covariance(uv, from_camera=True)
+        alone = placement.own_covariances(shared) + placement.point_covariances(xy)
+        modes = errors.modes_m(one.name, placement, known, xy)
+        found.append((placement.points(xy) - there, modes, alone))
+    return found
+
+
 def tables(wanted: Sequence[str], seeds: int, quick: bool) -> Iterator[tuple[str, Rows]]:
     if "pairs" in wanted:
         yield "pairs", pairs(seeds)
@@ -214,6 +265,8 @@ def tables(wanted: Sequence[str], seeds: int, quick: bool) -> Iterator[tuple[str
         yield "sites", sites(seeds // 2)
     if "cameras" in wanted:
         yield "cameras", cameras(seeds)
+    if "between" in wanted:
+        yield "between", between(seeds)
     if "hour" in wanted:
         yield "hour", hour(*((4, 10.0) if quick else (20, 60.0)))
 

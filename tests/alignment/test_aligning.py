@@ -81,6 +81,29 @@ def test_who_was_seen_by_both_is_one_and_where_he_was(found, world):
     assert len(site.tracks()) < sum(map(len, rows))
 
 
+def test_what_cameras_err_by_together_is_read_again(found):
+    """The shared covariance of a camera's rows is that of the site's modes."""
+    site = Site.open(shutil.copytree(found.site.folder, found.site.folder.parent / "copy"))
+    assert site.errors is not None and site.errors.cameras == site.cameras
+    rows = site.camera_tracks("cam1", keypoints=False).select(np.arange(0, 400, 20))
+    modes = site.error_modes("cam1", rows.xy_m)
+    shared = modes @ modes.swapaxes(1, 2)
+    by_clock = np.linalg.eigvalsh(rows.shared_covariance_m2 - shared)
+    assert np.abs(by_clock).max() < 0.02
+    each = site.placements["cam1"].covariance
+    np.testing.assert_allclose(site.errors.of("cam1", "cam1")[:3, :3], each[:3, :3], atol=1e-6)
+    said = json.loads((site.folder / "site.json").read_text())
+    said["errors"]["matrix"][3][7] = 5.0
+    (site.folder / "site.json").write_text(json.dumps(said))
+    with pytest.raises(InputError, match=r"errors\.matrix"):
+        Site.open(site.folder)
+    said["errors"] = None
+    (site.folder / "site.json").write_text(json.dumps(said))
+    with pytest.raises(InputError, match="align again"):
+        Site.open(site.folder).error_modes("cam1", np.zeros((1, 2)))
+    assert len(Site.open(site.folder).tracks())
+
+
 def test_clocks_that_are_known_are_only_corrected(world, tmp_path):
     offset_s = world.seen[1].truth.time_offset_s
     first = scene_of(tmp_path / "a", world.seen[0], start=NOON)

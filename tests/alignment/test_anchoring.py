@@ -44,7 +44,7 @@ def points(rng, names=("west", "west", "west", "east", "east"), sigma=0.2, kind=
 def test_the_frame_becomes_that_of_the_anchors_as_well_as_it_says():
     ratio, inside = [], 0
     for seed in range(40):
-        found, anchor = tied(cameras(), points(np.random.default_rng(seed)))
+        found, anchor, _ = tied(cameras(), points(np.random.default_rng(seed)))
         expected = SECOND.then(WORLD)
         apart = (found["east"].parameters - expected.parameters)[:4]
         apart[2] = np.angle(np.exp(1j * apart[2]))
@@ -61,7 +61,7 @@ def test_the_frame_becomes_that_of_the_anchors_as_well_as_it_says():
 def test_a_known_camera_is_an_anchor():
     tracks, _ = seen(Eye("west", FIRST, (0.0, 11.0), 6.0, 0.05), strolls(30, 60.0, 12.0))
     there = FIRST.then(replace(WORLD, scale=1.0)).camera(CAMERA)
-    found, anchor = tied(
+    found, anchor, _ = tied(
         cameras(west={"tracks": tracks}), Anchors("cameras", known={"west": there})
     )
     assert anchor.kind == "cameras"
@@ -75,11 +75,11 @@ def test_a_known_camera_is_an_anchor():
 def test_a_camera_that_shares_nobody_is_placed_by_its_own_points_if_its_clock_is_known():
     alone = Placement.undetermined("it shares nobody")
     rng = np.random.default_rng(3)
-    found, _ = tied(cameras(west={"placement": alone}), points(rng))
+    found, *_ = tied(cameras(west={"placement": alone}), points(rng))
     assert found["west"] and found["east"]
     np.testing.assert_allclose(found["west"].parameters[:2], WORLD.parameters[:2], atol=1.0)
     assert found["west"].sigma["time_offset_s"] == pytest.approx(1.0)
-    unknown, _ = tied(cameras(west={"placement": alone, "start_known": False}), points(rng))
+    unknown, *_ = tied(cameras(west={"placement": alone, "start_known": False}), points(rng))
     assert not unknown["west"] and "clock is not known" in unknown["west"].reason
 
 

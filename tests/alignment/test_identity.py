@@ -13,7 +13,7 @@ from scene4d.alignment._marginals import all_of, marginals, named
 from scene4d.core.colours import CLOTHES, PALETTE, log_likelihood
 from scene4d.core.tracks import Tracks
 from scene4d.store.identities import Identities
-from scene4d.store.site import in_site
+from scene4d.store.regrounding import in_site
 from site_worlds import Eye, Walker, place, seen, strolls
 
 WEST = Eye("west", place(0, 0, 0), (-6, 0), 12.0, 0.1, 0.15)

@@ -17,8 +17,8 @@ from scene4d.core.placement import Placement
 from scene4d.core.tracks import Tracks
 from scene4d.store.fusing import fused
 from scene4d.store.identities import Identities
-from scene4d.store.regrounding import regrounded
-from scene4d.store.site import Site, clock_s, in_site
+from scene4d.store.regrounding import in_site, regrounded
+from scene4d.store.site import Site, clock_s
 from scene4d.store.site_file import SiteAnchor, SiteFile, is_site
 from scene4d.store.site_writing import refined_path, write_site
 from site_worlds import CAMERA, NOON, Eye, place, seen, store, strolls

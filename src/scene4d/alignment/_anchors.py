@@ -16,7 +16,7 @@ from scene4d.core.placement import Placement
 from scene4d.core.text import nearest
 from scene4d.core.tracks import Tracks
 from scene4d.formats.anchors import Anchors
-from scene4d.store.site import in_site
+from scene4d.store.regrounding import in_site
 from scene4d.store.site_file import SiteAnchor
 
 _SIGMA_M = {"earth": 1.0, "plan": 0.2, "cameras": 0.1}
@@ -56,8 +56,9 @@ class _Points:
 
 def tied(
     cameras: Mapping[str, Anchored], anchors: Anchors
-) -> tuple[dict[str, Placement], SiteAnchor]:
-    """Placements in the anchors' frame, of cameras that only an anchor places too.
+) -> tuple[dict[str, Placement], SiteAnchor, Placement]:
+    """Placements in the anchors' frame, of cameras that only an anchor places too, and where the
+    site's frame so far lies in it.
 
     Lines of a map may leave it undetermined, which the anchor says; all stays as it is then.
     Raises :class:`InputError` for a camera that is not there, a pixel that does not lie on the
@@ -71,6 +72,7 @@ def tied(
     together = _joined([_in_site(points[name], cameras[name].placement) for name in placed])
     found: dict[str, Placement] = {name: one.placement for name, one in cameras.items()}
     residuals: list[float] = []
+    frame = Placement.identity()
     if placed and _spread(together) >= _LEAST_SPREAD_M:
         frame, residual = _fit(together, _SIGMA_M[anchors.kind])
         residuals += residual
@@ -86,17 +88,18 @@ def tied(
             residuals += residual
             found[name] = _by_clock(own, one)
     anchor = SiteAnchor(anchors.kind, tuple(residuals), anchors.latitude_deg, anchors.longitude_deg)
-    return found, anchor
+    return found, anchor, frame
 
 
 def _kept_to(
     cameras: Mapping[str, Anchored], anchors: Anchors
-) -> tuple[dict[str, Placement], SiteAnchor]:
+) -> tuple[dict[str, Placement], SiteAnchor, Placement]:
     """Moved over a map so that tracks keep to its lines."""
     found = {name: one.placement for name, one in cameras.items()}
     told = {name: one.tracks for name, one in cameras.items() if one.tracks is not None}
     placed = [name for name in told if found[name]]
     anchor = SiteAnchor("earth", (), anchors.latitude_deg, anchors.longitude_deg)
+    frame = Placement.identity()
     if placed:
         frame = on_lines(
             [in_site(told[name], found[name]) for name in placed],
@@ -104,7 +107,7 @@ def _kept_to(
             anchors.lines,
         )
         if not frame:
-            return found, SiteAnchor("earth", reason=frame.reason)
+            return found, SiteAnchor("earth", reason=frame.reason), Placement.identity()
         found |= {name: one.then(frame) for name, one in found.items() if one}
     for name in [name for name in told if not found[name]]:
         one = cameras[name]
@@ -112,7 +115,7 @@ def _kept_to(
         found[name] = _by_clock(own, one) if own else _beside(one.placement, own)
     if not any(found.values()):
         anchor = SiteAnchor("earth", reason=str(next(iter(found.values())).reason))
-    return found, anchor
+    return found, anchor, frame
 
 
 def _modes(tracks: Tracks, one: Anchored) -> Float[np.ndarray, "n 2 r"]:

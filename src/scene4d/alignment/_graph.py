@@ -18,7 +18,7 @@ from scene4d.alignment._pairs import Link
 from scene4d.alignment._paths import MODES, View, covariance_root
 from scene4d.core.body import HEIGHT_SIGMA_M, PERSON_HEIGHT_M
 from scene4d.core.calibration import PARAMETERS
-from scene4d.core.placement import Drift, Placement
+from scene4d.core.placement import PLACED, Drift, Placement
 
 _STEPS = 12
 _RELINEARISED = 2
@@ -110,18 +110,27 @@ def _placement(view: View, values: np.ndarray, covariance: np.ndarray) -> Placem
     The scale is the mean ratio of true to reported distance from the camera over its tracks. The
     offset is that in the middle of them, which is known best where the clock drifts.
     """
-    middle_s = float(view.time_s.min() + view.time_s.max()) / 2
-    weight = np.einsum("na,nak->k", view.xy_m, view.modes_m) / max((view.xy_m**2).sum(), 1e-9)
-    slopes = np.zeros((5, len(values)))
-    slopes[:3, :3] = np.eye(3)
-    slopes[4, 3], slopes[4, POSE - 1] = 1.0, middle_s
-    slopes[3, POSE:] = -weight
+    slopes = placed_slopes(view)
     at = slopes @ values
     found = Placement.from_parameters(at, _symmetric(slopes @ covariance @ slopes.T))
     rate, variance = values[POSE - 1], covariance[POSE - 1, POSE - 1]
     if rate == 0.0:
         return found
-    return replace(found, drift=Drift(float(rate), float(np.sqrt(variance)), middle_s))
+    return replace(found, drift=Drift(float(rate), float(np.sqrt(variance)), _middle_s(view)))
+
+
+def placed_slopes(view: View) -> Float[np.ndarray, "5 13"]:
+    """Derivatives of a camera's placement by its unknowns."""
+    weight = np.einsum("na,nak->k", view.xy_m, view.modes_m) / max((view.xy_m**2).sum(), 1e-9)
+    slopes = np.zeros((len(PLACED), POSE + MODES))
+    slopes[:3, :3] = np.eye(3)
+    slopes[3, POSE:] = -weight
+    slopes[4, 3], slopes[4, POSE - 1] = 1.0, _middle_s(view)
+    return slopes
+
+
+def _middle_s(view: View) -> float:
+    return float(view.time_s.min() + view.time_s.max()) / 2
 
 
 def _estimate(

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from scene4d.alignment._factor import POSE
-from scene4d.alignment._graph import Solution
+from scene4d.alignment._graph import Solution, placed_slopes
 from scene4d.alignment._paths import View, corrected, covariance_root
 from scene4d.core.calibration import PARAMETERS, Calibration
-from scene4d.core.placement import Placement
+from scene4d.core.placement import PLACED, Placement
+from scene4d.store.site_errors import TOLD, SiteErrors
 
 _SAMPLE = 400
 """Rows of tracks over which errors on the ground are summed up."""
@@ -38,6 +39,22 @@ def refined(views: Sequence[View], solution: Solution) -> tuple[Refined | None, 
     and for those whose file states no covariance: nothing says what may be changed of them.
     """
     return tuple(_refined(views[k], solution, k) for k in range(len(views)))
+
+
+def errors_together(views: Sequence[View], solution: Solution) -> SiteErrors:
+    """What the placed cameras err by, refined as :func:`refined` does, in one covariance."""
+    placed = [k for k in range(len(views)) if solution.placements[k]]
+    size = len(TOLD)
+    slopes = np.zeros((size * len(placed), len(solution.covariance)))
+    for row, number in enumerate(placed):
+        view, at, here = views[number], solution.slots[number], slice(row * size, (row + 1) * size)
+        slopes[here, at][: len(PLACED)] = placed_slopes(view)
+        root = covariance_root(view.calibration)
+        if root.any():  # its errors are told by themselves, and so is the scale that they make
+            slopes[here, at][PLACED.index("log_scale")] = 0.0
+            slopes[here, at][len(PLACED) :, POSE : POSE + len(PARAMETERS)] = -root
+    covariance = slopes @ solution.covariance @ slopes.T
+    return SiteErrors(tuple(views[k].name for k in placed), (covariance + covariance.T) / 2)
 
 
 def _refined(view: View, solution: Solution, number: int) -> Refined | None:

@@ -11,7 +11,7 @@ import numpy as np
 from scene4d.alignment._anchors import Anchored, tied
 from scene4d.alignment._graph import Solution, solve
 from scene4d.alignment._identity import identified, passages_of
-from scene4d.alignment._joint import refined
+from scene4d.alignment._joint import errors_together, refined
 from scene4d.alignment._options import AlignOptions
 from scene4d.alignment._pairs import Link, link
 from scene4d.alignment._paths import View, view_of
@@ -25,8 +25,9 @@ from scene4d.core.progress import Progress, Silent, timed
 from scene4d.core.tracks import Tracks
 from scene4d.formats.anchors import Anchors, read_anchors
 from scene4d.store.identities import Identities
-from scene4d.store.regrounding import regrounded
-from scene4d.store.site import Site, in_site
+from scene4d.store.regrounding import in_site, regrounded
+from scene4d.store.site import Site
+from scene4d.store.site_errors import SiteErrors
 from scene4d.store.site_file import SiteAnchor, SiteCamera, SiteFile
 from scene4d.store.site_writing import refined_path, write_site
 
@@ -142,13 +143,16 @@ def align(
     with timed(timings, "site"):
         solution = _solved(read, links)
         found = _placed(read, solution, links)
-        found, anchor = (found, None) if anchors is None else _anchored(found, anchors)
+        errors = _errors(read, solution)
+        anchor = None
+        if anchors is not None:
+            found, anchor, errors = _anchored(found, anchors, errors)
         warnings += _about(read, solution)
         if anchor is not None and not anchor:
             warnings.append(f"the site has a frame of its own, off the map: {anchor.reason}")
     with timed(timings, "identities"), progress.stage("Recognising people", None):
         identities = _identities(found)
-    said = SiteFile({one.name: _entry(one, Path(out)) for one in found}, start_ns, anchor)
+    said = SiteFile({one.name: _entry(one, Path(out)) for one in found}, start_ns, anchor, errors)
     better = {one.name: one.refined for one in found if one.refined is not None}
     with timed(timings, "pictures"):
         lines = [one.xy_m for one in anchors.lines] if anchors is not None and anchor else []
@@ -231,21 +235,32 @@ def _placed(
     return found
 
 
-def _anchored(cameras: Sequence[_Placed], anchors: Anchors) -> tuple[list[_Placed], SiteAnchor]:
-    """The cameras in the frame of the anchors."""
-    found, anchor = tied(
+def _errors(read: Sequence[_Read], solution: Solution | None) -> SiteErrors | None:
+    """What the placed cameras err by together."""
+    views = [one.view for one in read if one.view is not None]
+    return None if solution is None else errors_together(views, solution)
+
+
+def _anchored(
+    cameras: Sequence[_Placed], anchors: Anchors, errors: SiteErrors | None
+) -> tuple[list[_Placed], SiteAnchor, SiteErrors | None]:
+    """The cameras in the frame of the anchors, with what they err by together."""
+    before = {one.name: one.placement for one in cameras}
+    known = {one.name: one.refined or one.read.calibration for one in cameras}
+    found, anchor, frame = tied(
         {
             one.name: Anchored(
-                one.refined or one.read.calibration,
-                one.placement,
-                one.own_tracks(),
-                one.read.watched.start_known,
+                known[one.name], one.placement, one.own_tracks(), one.read.watched.start_known
             )
             for one in cameras
         },
         anchors,
     )
-    return [replace(one, placement=found[one.name]) for one in cameras], anchor
+    errors = None if errors is None else errors.then(frame, before)
+    for name in [name for name, place in found.items() if place and not before[name]]:
+        alone = SiteErrors.alone(name, found[name], known[name])
+        errors = alone if errors is None else errors.beside(alone)
+    return [replace(one, placement=found[one.name]) for one in cameras], anchor, errors
 
 
 def _why(camera: int, links: Sequence[Link]) -> str:

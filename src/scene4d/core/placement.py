@@ -166,10 +166,19 @@ class Placement:
         """
         jacobian = self.point_jacobian(xy_m, velocity_mps)
         found: np.ndarray = jacobian @ self.covariance @ jacobian.swapaxes(1, 2)
-        if self.drift is None or time_s is None:
+        if velocity_mps is None or time_s is None:
             return found
-        late = jacobian[:, :, 4] * (self.drift.sigma * (time_s - self.drift.at_s))[:, None]
-        return found + late[:, :, None] * late[:, None, :]
+        return found + self.drifting_covariances(velocity_mps, time_s)
+
+    def drifting_covariances(
+        self, velocity_mps: Float[np.ndarray, "n 2"], time_s: Float[np.ndarray, "n"]
+    ) -> Float[np.ndarray, "n 2 2"]:
+        """The part of it that is due to the clock's drift."""
+        if self.drift is None:
+            return np.zeros((len(time_s), 2, 2))
+        away_s = self.drift.sigma * (time_s - self.drift.at_s)
+        late = self.velocities(np.nan_to_num(velocity_mps)) * away_s[:, None]
+        return late[:, :, None] * late[:, None, :]
 
     def velocity_covariances(
         self, velocity_mps: Float[np.ndarray, "n 2"]

@@ -25,7 +25,6 @@ from scene4d.searching.activities.course import Course, course_of
 from scene4d.searching.activities.search import judge
 from scene4d.searching.predicates.stage import Stage
 from scene4d.searching.result import FoundEvent, SearchResult
-from scene4d.store.fusing import fused
 from scene4d.store.runs import Run
 from scene4d.store.site import STEP_S, Site
 
@@ -97,13 +96,21 @@ class _Stretches:
             for name in site.cameras
         }
         stage = Stage(
-            tracks=fused(list(seen.values()), STEP_S),
+            tracks=site.fused(list(seen), list(seen.values()), STEP_S),
             image_size=(1, 1),
             step_s=STEP_S,
+            camera_factor=None if site.errors is None else partial(_modes_m, site),
             zones=in_site(places, "zone", site),
             lines=in_site(places, "line", site),
         )
         return _Stretch(seen, stage)
+
+
+def _modes_m(site: Site, xy_m: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, "m 2 k"]:
+    """What the site's errors move places by, each as the camera sees it that knows it best."""
+    found = np.stack([site.error_modes(camera, xy_m) for camera in site.cameras])
+    size = np.nan_to_num((found**2).sum(axis=(2, 3)), nan=np.inf)
+    return found[size.argmin(axis=0), np.arange(len(xy_m))]
 
 
 def _memory(stretches: _Stretches, progress: Progress) -> Memory | None:

@@ -1,6 +1,6 @@
 """What several cameras saw of the same people and vehicles, as one track each."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,28 +16,40 @@ _REACH = 0.75
 times; farther away is a gap."""
 
 
-def fused(parts: Sequence[Tracks], step_s: float) -> Tracks:
+Modes = Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, "n 2 r"]]
+"""How points of the common frame move with every error that several cameras share, as one camera
+sees them; columns mean the same in all."""
+_BLOCK = 2_000
+"""Rows whose modes are in memory at once."""
+
+
+def fused(parts: Sequence[Tracks], step_s: float, modes: Sequence[Modes] | None = None) -> Tracks:
     """One track per number, ordered by (track, time), from those of several cameras.
 
     ``parts`` are in one frame and on one clock, each ordered by (track, time), with the same number
     for the same object. Rows lie at multiples of ``step_s``. Positions and velocities are weighted
-    by information (the inverse of own and shared covariance together). Cameras err independently
-    of each other, each the same way in all its rows: own errors and shared ones are carried over
-    apart, so that the shared part stays what it is however long one looks. Boxes and keypoints
+    by information (the inverse of own and shared covariance together). A camera errs
+    the same way in all its rows: own errors and shared ones are carried over apart, so that the
+    shared part stays what it is however long one looks. ``modes`` tell of each part what it errs by
+    together with others; without them cameras err independently. Boxes and keypoints
     belong to one picture and are left out; other columns are those of the surest camera.
     """
     known = [part.select(np.isfinite(part.xy_m).all(axis=1)) for part in parts]
     placed = [at_ticks(_without_picture(part), step_s) for part in known]
     rows = Tracks.concatenate([one for one, _ in placed])
     tick = np.concatenate([ticks for _, ticks in placed])
+    part = np.repeat(np.arange(len(placed)), [len(one) for one, _ in placed])
     total = rows.covariance_m2 + rows.shared_covariance_m2
     surest = np.trace(total, axis1=1, axis2=2)
     order = np.lexsort((surest, tick, rows.track))
-    rows, tick = rows.select(order), tick[order]
+    rows, tick, part = rows.select(order), tick[order], part[order]
     first = _first_of(rows.track, tick)
     if len(first) == len(rows):
         return _told(rows, tick, step_s)
-    return _told(_merged(rows, first), tick[first], step_s)
+    out = _merged(rows, first)
+    if modes is not None:
+        _share(out, rows, first, part, modes)
+    return _told(out, tick[first], step_s)
 
 
 def at_ticks(tracks: Tracks, step_s: float) -> tuple[Tracks, Int[np.ndarray, "m"]]:
@@ -87,9 +99,7 @@ def _first_of(track: Int[np.ndarray, "n"], tick: Int[np.ndarray, "n"]) -> Int[np
 
 def _merged(rows: Tracks, first: Int[np.ndarray, "k"]) -> Tracks:
     """One row of each group, the first of which is the surest."""
-    group = np.zeros(len(rows), int)
-    group[first[1:]] = 1
-    group = np.cumsum(group)
+    group = _groups(len(rows), first)
     out = rows.select(first)
     total = rows.covariance_m2 + rows.shared_covariance_m2
     weight, _ = _weights(total, first, group)
@@ -107,6 +117,41 @@ def _merged(rows: Tracks, first: Int[np.ndarray, "k"]) -> Tracks:
     out.observed[:] = np.logical_or.reduceat(rows.observed, first)
     out.existence_probability[:] = np.fmax.reduceat(rows.existence_probability, first)
     return out
+
+
+def _groups(n: int, first: Int[np.ndarray, "k"]) -> Int[np.ndarray, "n"]:
+    group = np.zeros(n, int)
+    group[first[1:]] = 1
+    return np.cumsum(group)
+
+
+def _share(
+    out: Tracks,
+    rows: Tracks,
+    first: Int[np.ndarray, "k"],
+    part: Int[np.ndarray, "n"],
+    modes: Sequence[Modes],
+) -> None:
+    """The shared covariance of what several cameras saw, by what they err by together."""
+    several = np.flatnonzero(np.diff(np.append(first, len(rows))) > 1)
+    total = rows.covariance_m2 + rows.shared_covariance_m2
+    weight, _ = _weights(total, first, _groups(len(rows), first))
+    group = _groups(len(rows), first)
+    for block in np.array_split(several, -(-len(several) // _BLOCK) or 1):
+        here = np.flatnonzero(np.isin(group, block))
+        moved: np.ndarray | None = None
+        for number in np.unique(part[here]).tolist():
+            mine = part[here] == number
+            found = weight[here[mine]] @ modes[number](rows.xy_m[here[mine]])
+            moved = np.zeros((len(here), *found.shape[1:])) if moved is None else moved
+            moved[mine] = found
+        if moved is None:
+            continue
+        start = np.searchsorted(group[here], block)
+        together = np.add.reduceat(moved, start, axis=0)
+        shared = together @ together.swapaxes(1, 2)
+        known = np.isfinite(shared).all(axis=(1, 2))
+        out.shared_covariance_m2[block[known]] = shared[known]
 
 
 def _weights(

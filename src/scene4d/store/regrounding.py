@@ -1,4 +1,4 @@
-"""Tracks on the ground of another calibration of the same camera."""
+"""Tracks on the ground of another calibration of the same camera, and on that of a site."""
 
 from dataclasses import replace
 
@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.core.calibration import Calibration
+from scene4d.core.placement import Placement
 from scene4d.core.tracks import Tracks
 
 _STEP_M = 0.01
@@ -39,6 +40,29 @@ def regrounded(tracks: Tracks, before: Calibration, after: Calibration) -> Track
         velocity_mps=np.einsum("nij,nj->ni", J, tracks.velocity_mps),
         velocity_covariance=J @ tracks.velocity_covariance @ J.swapaxes(1, 2),
         heading_rad=np.arctan2(ahead[:, 1], ahead[:, 0]),
+    )
+
+
+def in_site(tracks: Tracks, placement: Placement) -> Tracks:
+    """Tracks of a camera on its clock, in the site's frame and on the site's clock."""
+    velocity = np.nan_to_num(tracks.velocity_mps)
+    shared = placement.own_covariances(tracks.shared_covariance_m2)
+    shared = shared + placement.point_covariances(tracks.xy_m, velocity, tracks.time_s)
+    own_velocity = placement.own_covariances(tracks.velocity_covariance)
+    return replace(
+        tracks,
+        time_s=placement.times(tracks.time_s),
+        xy_m=placement.points(tracks.xy_m),
+        covariance_m2=placement.own_covariances(tracks.covariance_m2),
+        shared_covariance_m2=shared,
+        velocity_mps=placement.velocities(tracks.velocity_mps),
+        velocity_covariance=own_velocity + placement.velocity_covariances(velocity),
+        heading_rad=placement.headings(tracks.heading_rad),
+        heading_sigma_rad=placement.heading_sigmas(tracks.heading_sigma_rad),
+        z_m=placement.scale * tracks.z_m,
+        z_sigma_m=placement.scale * tracks.z_sigma_m,
+        size_m=placement.scale * tracks.size_m,
+        size_sigma_m=placement.scale * tracks.size_sigma_m,
     )
 
 

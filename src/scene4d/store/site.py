@@ -11,7 +11,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Unpack
 
@@ -28,9 +28,10 @@ from scene4d.store._question import Question, check_range, check_there
 from scene4d.store.fusing import fused
 from scene4d.store.identities import Identities
 from scene4d.store.query import Scene
-from scene4d.store.regrounding import regrounded
+from scene4d.store.regrounding import in_site, regrounded
 from scene4d.store.runs import Run
 from scene4d.store.schema import with_keypoints
+from scene4d.store.site_errors import SiteErrors
 from scene4d.store.site_file import (
     IDENTITIES_FILE,
     SiteAnchor,
@@ -120,6 +121,11 @@ class Site:
         return self._said.anchor
 
     @property
+    def errors(self) -> SiteErrors | None:
+        """What the cameras err by together; None where ``site.json`` does not tell."""
+        return self._said.errors
+
+    @property
     def start(self) -> datetime | None:
         """The moment at which the site's clock is 0; None where no camera's clock is known."""
         if self._said.start_ns is None:
@@ -197,7 +203,13 @@ class Site:
         """
         cameras = self._asked_cameras(asked.get("cameras"))
         seen = [self.camera_tracks(camera, keypoints=False, **asked) for camera in cameras]
-        return fused(seen, step_s)
+        return self.fused(cameras, seen, step_s)
+
+    def fused(self, cameras: Sequence[str], seen: Sequence[Tracks], step_s: float) -> Tracks:
+        """:func:`.fused` of what cameras saw in the site's frame, with errors that they share."""
+        if self.errors is None:
+            return fused(seen, step_s)
+        return fused(seen, step_s, [partial(self.error_modes, camera) for camera in cameras])
 
     def stretches(self, length_s: float, **asked: Unpack[Question]) -> Iterator[Tracks]:
         """:meth:`tracks` in pieces of so many seconds, one in memory at a time; none is empty."""
@@ -243,7 +255,33 @@ class Site:
         before, after = self.scene_calibration(camera), self.calibration(camera)
         if before is not after and len(tracks):
             tracks = regrounded(tracks, before, after)
-        return in_site(tracks, self.placed(camera).placement)
+        placement = self.placed(camera).placement
+        found = in_site(tracks, placement)
+        if self.errors is None or after.covariance is None:
+            return found
+        # Place and calibration err together: by less than each by itself would make it.
+        velocity = np.nan_to_num(tracks.velocity_mps)
+        modes = self.errors.modes_m(camera, placement, after, tracks.xy_m, velocity)
+        shared = modes @ modes.swapaxes(1, 2)
+        drifting = placement.drifting_covariances(tracks.velocity_mps, tracks.time_s)
+        return replace(found, shared_covariance_m2=shared + drifting)
+
+    def error_modes(
+        self, camera: str, xy_m: Float[np.ndarray, "n 2"]
+    ) -> Float[np.ndarray, "n 2 r"]:
+        """By how much (m) points of the site's ground, seen by this camera, are off per standard
+        deviation of each of the site's independent errors; NaN where it sees no ground.
+
+        ``M @ M.swapaxes(1, 2)`` are covariances of points; with ``M`` the modes of one camera's
+        points less those of another's, it is that of the ways between them. Raises
+        :class:`InputError` for a camera without a place, and where ``site.json`` does not tell.
+        """
+        one, errors = self.placed(camera), self.errors
+        if not one.placement or errors is None:
+            reason = one.placement.reason or "its site.json has no errors; align again"
+            raise InputError(f"{self.folder}: errors of camera {camera!r} are not known: {reason}")
+        own = one.placement.inverse().points(xy_m)
+        return errors.modes_m(camera, one.placement, self.calibration(camera), own)
 
     def _in_clip(self, moment: Any, clock: RunClock) -> float | None:
         """A moment, or seconds of the site's clock, in seconds of a clip."""
@@ -327,29 +365,6 @@ def clock_s(run: Run, start_ns: int | None) -> float:
     return (run.start_ns - start_ns) / _NS
 
 
-def in_site(tracks: Tracks, placement: Placement) -> Tracks:
-    """Tracks of a camera on its clock, in the site's frame and on the site's clock."""
-    velocity = np.nan_to_num(tracks.velocity_mps)
-    shared = placement.own_covariances(tracks.shared_covariance_m2)
-    shared = shared + placement.point_covariances(tracks.xy_m, velocity, tracks.time_s)
-    own_velocity = placement.own_covariances(tracks.velocity_covariance)
-    return replace(
-        tracks,
-        time_s=placement.times(tracks.time_s),
-        xy_m=placement.points(tracks.xy_m),
-        covariance_m2=placement.own_covariances(tracks.covariance_m2),
-        shared_covariance_m2=shared,
-        velocity_mps=placement.velocities(tracks.velocity_mps),
-        velocity_covariance=own_velocity + placement.velocity_covariances(velocity),
-        heading_rad=placement.headings(tracks.heading_rad),
-        heading_sigma_rad=placement.heading_sigmas(tracks.heading_sigma_rad),
-        z_m=placement.scale * tracks.z_m,
-        z_sigma_m=placement.scale * tracks.z_sigma_m,
-        size_m=placement.scale * tracks.size_m,
-        size_sigma_m=placement.scale * tracks.size_sigma_m,
-    )
-
-
 def _runs_of(scene: Scene, one: SiteCamera) -> Scene:
     """The runs of a scene that a site holds."""
     there = [run.run for run in scene.runs if run.camera == one.name]
@@ -368,11 +383,8 @@ def _joined(parts: Sequence[Tracks]) -> Tracks:
 
 def _own_question(asked: Question) -> Question:
     """What every run can be asked alike."""
-    own: Question = {}
-    for name in ("classes", "observed"):
-        if asked.get(name) is not None:
-            own[name] = asked[name]
-    return own
+    names = [name for name in ("classes", "observed") if asked.get(name) is not None]
+    return {name: asked[name] for name in names}  # type: ignore[literal-required, return-value]
 
 
 def _inside(tracks: Tracks, within_m: Any) -> Tracks:

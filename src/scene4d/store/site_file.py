@@ -3,7 +3,8 @@
     {"schema": "scene4d/site/1", "start": "2026-11-20T08:00:00Z", "start_ns": .., "cameras": {NAME:
      {"scene": FOLDER, "camera": FILE, "name": .., "runs": [..], "x_m": .., "y_m": ..,
       "heading_deg": .., "scale": .., "time_offset_s": .., "sigma": {..}, "covariance": 5x5,
-      "clock_drift": null, "status": "ok"}}, "anchor": null}
+      "clock_drift": null, "status": "ok"}}, "anchor": null,
+     "errors": {"cameras": [..], "parameters": [..], "matrix": 12n x 12n}}
 
 Paths are relative to the site's folder where they can be. ``name`` is the camera's in its scene.
 An undetermined camera has ``reason`` and no numbers. ``start`` is the zero of the site's clock,
@@ -13,6 +14,8 @@ far as the footage tells, else ``{"ppm": .., "sigma_ppm": .., "at_s": ..}``: by 
 camera's clock is slow, and the time of that clock at which the offset holds. ``anchor`` is null, or
 ``{"kind": .., "residual_m": [..], ..}``, or where lines of a map leave the place open
 ``{"kind": .., "status": "undetermined", "reason": ..}``; the site has a frame of its own then.
+``errors`` is the covariance of all places and calibrations together
+(:mod:`scene4d.store.site_errors`); without it cameras are taken to err independently.
 """
 
 import os
@@ -25,6 +28,7 @@ import numpy as np
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
 from scene4d.core.placement import PLACED, Drift, Placement
+from scene4d.store.site_errors import SiteErrors
 
 SITE_SCHEMA = "scene4d/site/1"
 """Name and version of the file, and the only one that is read."""
@@ -84,11 +88,14 @@ class SiteCamera:
 
 @dataclass(frozen=True, eq=False)
 class SiteFile:
-    """The content of ``site.json``; ``start_ns`` is None where no clock is known."""
+    """The content of ``site.json``; ``start_ns`` is None where no clock is known, ``errors`` where
+    it is not told what the cameras err by together.
+    """
 
     cameras: dict[str, SiteCamera]
     start_ns: int | None = None
     anchor: SiteAnchor | None = None
+    errors: SiteErrors | None = None
 
     def to_dict(self, folder: Path) -> dict[str, Any]:
         """For JSON in ``folder``."""
@@ -99,6 +106,7 @@ class SiteFile:
             "start_ns": self.start_ns,
             "cameras": {name: _told(one, folder) for name, one in self.cameras.items()},
             "anchor": None if self.anchor is None else self.anchor.to_dict(),
+            "errors": None if self.errors is None else self.errors.to_dict(),
         }
 
     @classmethod
@@ -114,7 +122,10 @@ class SiteFile:
         cameras = {name: _camera(told.object(name), folder) for name in told.names()}
         if not cameras:
             raise said.error("cameras", "one camera or more")
-        return cls(cameras, start_ns, _anchor(said.object("anchor")) if "anchor" in said else None)
+        anchor = _anchor(said.object("anchor")) if "anchor" in said else None
+        placed = [name for name, one in cameras.items() if one.placement]
+        errors = SiteErrors.read(said.object("errors"), placed) if "errors" in said else None
+        return cls(cameras, start_ns, anchor, errors)
 
 
 def _told(one: SiteCamera, folder: Path) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from scene4d.core.camera import Camera
 from scene4d.core.geometry import rigid_fit
-from scene4d.core.placement import Placement
+from scene4d.core.placement import PLACED, Placement
 from scene4d.store.fusing import fused
 from scene4d.store.site import Site
 
@@ -89,7 +89,8 @@ def pair_errors(
 def _pair_error(
     site: Site, a: str, b: str, true: dict[str, Camera], offsets_s: dict[str, float]
 ) -> PairError:
-    found, covariance = _relative(site.placements[a], site.placements[b])
+    found, slopes = _relative(site.placements[a], site.placements[b])
+    covariance = slopes @ _together(site, a, b) @ slopes.T
     real, _ = _relative(
         true_placement(true[a], offsets_s.get(a, 0.0)),
         true_placement(true[b], offsets_s.get(b, 0.0)),
@@ -113,9 +114,9 @@ def _pair_error(
 
 def _relative(
     a: Placement, b: Placement
-) -> tuple[Float[np.ndarray, "4"], Float[np.ndarray, "4 4"]]:
-    """Position (m of the site), heading and offset of b as seen from a, and their covariance; the
-    two placements are taken to err independently.
+) -> tuple[Float[np.ndarray, "4"], Float[np.ndarray, "4 10"]]:
+    """Position (m of the site), heading and offset of b as seen from a, and their derivatives by
+    the two placements.
     """
     c, s = np.cos(a.heading_rad), np.sin(a.heading_rad)
     back = np.array([[c, s], [-s, c]])
@@ -125,8 +126,21 @@ def _relative(
     of_b[:2, :2], of_b[2, 2], of_b[3, 4] = back, 1.0, 1.0
     of_a = -of_b
     of_a[:2, 2] = step[1], -step[0]
-    covariance = of_a @ a.covariance @ of_a.T + of_b @ b.covariance @ of_b.T
-    return np.array([*step, turn, later]), covariance
+    return np.array([*step, turn, later]), np.hstack([of_a, of_b])
+
+
+def _together(site: Site, a: str, b: str) -> Float[np.ndarray, "10 10"]:
+    """Covariance of two placements; independent where the site does not tell more."""
+    size, errors = len(PLACED), site.errors
+    found = np.zeros((2 * size, 2 * size))
+    for row, one in enumerate((a, b)):
+        for column, other in enumerate((a, b)):
+            here = np.s_[row * size : (row + 1) * size, column * size : (column + 1) * size]
+            if errors is not None:
+                found[here] = errors.of(one, other)[:size, :size]
+            elif one == other:
+                found[here] = site.placements[one].covariance
+    return found
 
 
 def agreement(site: Site) -> Agreement:

@@ -183,7 +183,7 @@ class Spots:
 
 def own_covariance_m2(stage: Stage, rows: Int[np.ndarray, "m"]) -> Float[np.ndarray, "m 2 2"]:
     """Covariance of positions that were seen at different times, but for the camera's factor. In a
-    site, which has none, others may have been seen by another camera: all errors count.
+    site without one, others may have been seen by another camera: all errors count.
     """
     tracks = stage.tracks
     if stage.camera is not None or stage.camera_factor is not None:
