@@ -49,13 +49,16 @@ def answer_site(
     result = SearchResult(asked)
     result.runs = list(asked.scene.runs)
     stretches = _Stretches(site, result)
-    result.memory = _memory(stretches, progress)
-    with progress.stage("Searching the site", len(stretches.begins)) as step:
-        for begin_s in stretches.begins:
-            stretch = stretches(begin_s)
+    result.memory = memory = _memory(stretches)
+    begins = {str(begin_s): begin_s for begin_s in stretches.begins}
+    with progress.stage("Searching the site", len(begins)) as step:
+        for name in begins if memory is None else memory.in_order(begins):
+            if memory is not None:
+                memory.look_about(name)
+            stretch = stretches(begins[name])
             result.rows += len(stretch.stage.tracks)
             with timed(result.timings, "search"):
-                _search_stretch(result, stretch, str(begin_s))
+                _search_stretch(result, stretch, name)
             step(1)
     result.events = _once(sorted(result.events, key=_rank))
     top = asked.options.top
@@ -113,7 +116,7 @@ def _modes_m(site: Site, xy_m: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, "m
     return found[size.argmin(axis=0), np.arange(len(xy_m))]
 
 
-def _memory(stretches: _Stretches, progress: Progress) -> Memory | None:
+def _memory(stretches: _Stretches) -> Memory | None:
     """Where others were whom the words speak of, in all cameras; None where they do not."""
     site, asked = stretches.site, stretches.result.asked
     if not asked.query.activity.spots:
@@ -129,11 +132,12 @@ def _memory(stretches: _Stretches, progress: Progress) -> Memory | None:
             partial(_stage_of, stretches, begin_s),
             asked.scene.classes,
             partial(_clips_of, stretches, begin_s, clips, start_s),
+            (begin_s - _OVERLAP_S, begin_s + _STRETCH_S),
             start_s=start_s,
         )
         for begin_s in stretches.begins
     }
-    return Memory(asked.query.activity, pieces, [clip for _, clip in clips], progress)
+    return Memory(asked.query.activity, pieces, [clip for _, clip in clips])
 
 
 def _stage_of(stretches: _Stretches, begin_s: float) -> Stage:

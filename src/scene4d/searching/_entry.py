@@ -92,9 +92,12 @@ def answer(asked: Asked, progress: Progress) -> SearchResult:
     if asked.site is not None:
         return answer_site(asked, answer, progress)
     result = SearchResult(asked)
-    runs = _runs(asked)
+    result.runs = runs = _runs(asked)
     reader = _Reader(result)
-    result.memory = _memory(asked, runs, reader, progress)
+    result.memory = memory = _memory(asked, runs, reader)
+    if memory is not None:
+        named = {run.run: run for run in runs}
+        runs = [named[name] for name in memory.in_order(named)]
     with progress.stage("Searching", len(runs)) as step:
         for run in runs:
             stage = reader(run)
@@ -113,7 +116,15 @@ class _Reader:
         self._last: tuple[Run, Stage] | None = None
 
     def __call__(self, run: Run) -> Stage:
-        """The stage of a run."""
+        """The stage of a run, with the spots that are asked for in it."""
+        memory = self._result.memory
+        if memory is None:
+            return self.read(run)
+        memory.look_about(run.run)
+        return memory.seen_from(self.read(run), run.run)
+
+    def read(self, run: Run) -> Stage:
+        """The stage of a run alone."""
         if self._last is None or self._last[0] is not run:
             self._last = None  # before the next one is read
             asked = self._result.asked
@@ -123,13 +134,10 @@ class _Reader:
             with timed(self._result.timings, "load"):
                 stage = staged_run(asked, run, self._calibrations[run.camera], self._also)
             self._last = run, stage
-        memory = self._result.memory
-        return self._last[1] if memory is None else memory.seen_from(self._last[1], run.run)
+        return self._last[1]
 
 
-def _memory(
-    asked: Asked, runs: Sequence[Run], reader: _Reader, progress: Progress
-) -> Memory | None:
+def _memory(asked: Asked, runs: Sequence[Run], reader: _Reader) -> Memory | None:
     """Where others were whom the words speak of; None where they do not."""
     if not asked.query.activity.spots:
         return None
@@ -141,7 +149,7 @@ def _memory(
         if run.rows and run.camera in cameras and (run.run in names or (known and run.start_known))
     ]
     clips = [Clip(run, start_s(run)) for run in there]
-    return Memory(asked.query.activity, pieces_of_runs(there, reader), clips, progress)
+    return Memory(asked.query.activity, pieces_of_runs(there, reader.read), clips)
 
 
 def explained(result: SearchResult) -> None:
@@ -275,7 +283,6 @@ def lean_tracks(scene: Scene, step_s: float, groups: Collection[str]) -> tuple[T
 
 def _search_run(result: SearchResult, stage: Stage, run: Run) -> None:
     asked = result.asked
-    result.runs.append(run)
     result.rows += len(stage.tracks)
     judged = judge(stage, asked.query.activity, min_score=min(asked.least_score, 1.0))
     found = [event for event in judged.events if asked.wants(event)]

@@ -1,11 +1,12 @@
-"""Where others were, in all that is searched: collected once, then looked up piece by piece.
+"""Where others were, in all that is searched: collected piece by piece, each of which is read once
+where the words look one way in time, and looked up in the pieces that come after it.
 
 A piece is a run of a scene, or an hour of a site. The positions of a camera's runs share its ground
 and its calibration, all of a site share the site's. Where the start of the footage is known, times
 are UTC; else a run has a clock of its own and sees its own spots only.
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -13,7 +14,6 @@ import numpy as np
 from jaxtyping import Int
 
 from scene4d.core.errors import InputError
-from scene4d.core.progress import Progress
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._terms import value_of
 from scene4d.searching.activities.definition import Activity, Spot
@@ -34,6 +34,8 @@ _MOST = 4_000_000
 """Most spots of a search: about 0.6 GB. Of a month, everywhere that people walked is more; where
 they stood is a thousandth of it."""
 _ROUNDING_S = 1e-6
+_ROUNDED_S = 1.0
+"""What is known of the times of pieces is rounded by less."""
 
 Clips = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """Takes tracks, and from when to when (s) each was somewhere: the number of the clip that shows it
@@ -51,13 +53,15 @@ class Clip:
 @dataclass(frozen=True, eq=False)
 class Piece:
     """A part of what is searched: its rows lie on the ground ``frame``, and ``start_s`` turns their
-    times into those of ``clock``, both by number. ``run`` is the number of its only clip; None in
-    a site, where a track's number is an identity and belongs to it in all pieces.
+    times into those of ``clock``, both by number; they lie within ``span_s``. ``run`` is the number
+    of its only clip; None in a site, where a track's number is an identity and belongs to it in all
+    pieces.
     """
 
     stage: Callable[[], Stage]
     classes: Collection[str]
     clips: Clips
+    span_s: tuple[float, float]
     frame: int = 0
     clock: int = 0
     start_s: float = 0.0
@@ -72,6 +76,7 @@ def pieces_of_runs(runs: Sequence[Run], staged: Callable[[Run], Stage]) -> dict[
             partial(staged, run),
             run.classes,
             partial(_same_clip, number),
+            run.span_s or (0.0, 0.0),
             cameras.index(run.camera),
             0 if run.start_known else 1 + number,
             start_s(run),
@@ -102,29 +107,43 @@ class FoundSpot:
 
 
 class Memory:
-    """The spots that an activity names, of all ``pieces`` by their names, which are read one after
-    the other, and the ``clips`` in which they are shown.
+    """The spots that an activity names, of all ``pieces`` by their names, and the ``clips`` in
+    which they are shown. Whoever searches the pieces takes them :meth:`in_order`, calls
+    :meth:`look_about` before he reads one and :meth:`seen_from` with its stage.
     """
 
     def __init__(
-        self,
-        activity: Activity,
-        pieces: Mapping[str, Piece],
-        clips: Sequence[Clip],
-        progress: Progress,
+        self, activity: Activity, pieces: Mapping[str, Piece], clips: Sequence[Clip]
     ) -> None:
         self._activity, self._pieces, self._clips = activity, pieces, clips
-        with progress.stage("Looking back", len(pieces)) as step:
-            self._tables = self._collected(step)
+        self._tables: dict[str, dict[str, SpotTable]] = {}
+        every = pieces.values()
+        self._begin_s, self._end_s = (
+            np.array([one.span_s[at] + one.start_s for one in every]) for at in (0, 1)
+        )
+        self._shared = np.array([(one.frame, one.clock) for one in every])
+
+    def in_order(self, names: Iterable[str]) -> list[str]:
+        """Names of pieces, in an order in which most spots are known before they are asked for."""
+        later = all(spot.when.later for spot in self._activity.spots)
+        begin_s = dict(zip(self._pieces, self._begin_s.tolist(), strict=True))
+        return sorted(names, key=lambda name: begin_s[name], reverse=later)
+
+    def look_about(self, name: str) -> None:
+        """Read the pieces whose spots may be asked for in another one and are not known yet."""
+        for other in self._asked(name):
+            if other != name:
+                self._collect(other)
 
     def seen_from(self, stage: Stage, name: str) -> Stage:
-        """The stage of a piece with the spots that share its ground and clock."""
+        """The stage of a piece with the spots that may be asked for in it."""
+        self._collect(name, stage)
         piece, spots = self._pieces[name], {}
+        there = self._asked(name)
         for spot in self._activity.spots:
-            table = self._tables[spot.name]
-            same = (table.frame == piece.frame) & (table.clock == piece.clock)
+            tables = [self._tables[one][spot.name] for one in there]
             spots[spot.name] = Spots(
-                table.select(same),
+                SpotTable.joined(tables) if tables else _nowhere(),
                 spot.when,
                 run=piece.run,
                 start_s=piece.start_s,
@@ -168,34 +187,44 @@ class Memory:
         track = int(spot.track[0])
         return FoundSpot(name, role, run, track, begin_s, end_s, (x_m, y_m), apart_m, tau_m, p)
 
-    def _collected(self, step: Callable[[int], None]) -> Mapping[str, SpotTable]:
-        parts: dict[str, list[SpotTable]] = {spot.name: [] for spot in self._activity.spots}
-        for piece in self._pieces.values():
-            for spot in self._activity.spots:
-                if all(set(r.classes) & set(piece.classes) for r in spot.activity.roles):
-                    parts[spot.name].append(_spots_of(piece, spot))
-                    total = sum(map(len, parts[spot.name]))
-                    if total > _MOST:
-                        raise InputError(
-                            f"{spot.name!r}: more than {_MOST:,} places; ask for fewer, such as "
-                            '"where another person stood", or search fewer scenes'
-                        )
-            step(1)
-        return {
-            name: SpotTable.joined(tables) if tables else _nowhere()
-            for name, tables in parts.items()
-        }
+    def _asked(self, name: str) -> list[str]:
+        """The pieces with the same ground and clock whose spots may fit some moment of a piece."""
+        at = list(self._pieces).index(name)
+        same = (self._shared == self._shared[at]).all(axis=1)
+        span_s = self._begin_s[at] - _ROUNDED_S, self._end_s[at] + _ROUNDED_S
+        may = [
+            spot.when.possible(span_s, self._begin_s - _ROUNDED_S, self._end_s + _ROUNDED_S)
+            for spot in self._activity.spots
+        ]
+        asked = same & np.any(may, axis=0)
+        return [other for other, may_fit in zip(self._pieces, asked, strict=True) if may_fit]
+
+    def _collect(self, name: str, stage: Stage | None = None) -> None:
+        if name in self._tables:
+            return
+        piece, found = self._pieces[name], {}
+        for spot in self._activity.spots:
+            found[spot.name] = _nowhere()
+            if all(set(r.classes) & set(piece.classes) for r in spot.activity.roles):
+                stage = piece.stage() if stage is None else stage
+                found[spot.name] = _spots_of(stage, piece, spot)
+        self._tables[name] = found
+        for spot in self._activity.spots:
+            if sum(len(one[spot.name]) for one in self._tables.values()) > _MOST:
+                raise InputError(
+                    f"{spot.name!r}: more than {_MOST:,} places; ask for fewer, such as "
+                    '"where another person stood", or search fewer scenes'
+                )
 
 
 def _same_clip(number: int, tracks: np.ndarray, *_: np.ndarray) -> np.ndarray:
     return np.full(len(tracks), number)
 
 
-def _spots_of(piece: Piece, spot: Spot) -> SpotTable:
+def _spots_of(stage: Stage, piece: Piece, spot: Spot) -> SpotTable:
     """Where the doer of each event was during its state: a spot for each square of
     :data:`_CELL_M` and visit.
     """
-    stage = piece.stage()
     events = judge(stage, spot.activity, min_score=_LEAST_SCORE).events
     who = [event.roles[spot.doer] for event in events]
     names = [phase.name for phase in spot.activity.phases]
