@@ -8,7 +8,7 @@ import pytest
 import finding_scenes as scenes
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
-from scene4d.searching import SearchOptions, SearchResult, search
+from scene4d.searching import SearchOptions, SearchResult, _entry, search
 from scene4d.searching.standing import StandingSearches
 from scene4d.store.query import Scene
 
@@ -80,6 +80,24 @@ def test_one_state_or_another_at_a_time_of_day_earlier_and_later(days):
     assert found(days, f"{near_car} more than 2 days ago") == []
     (seen, *_) = found(days, "a person stands within 1 m of where another person will stand")
     assert (seen[0], seen[2]["run"]) == ("one", "two")
+
+
+def test_each_run_is_read_once_whichever_way_the_words_look(days, monkeypatch):
+    read: list[str] = []
+    whole = _entry.staged_run
+
+    def reading(asked, run, *more):
+        read.append(run.run)
+        return whole(asked, run, *more)
+
+    monkeypatch.setattr(_entry, "staged_run", reading)
+    names = [run.run for run in days.runs]
+    for words in (STOOD, f"{STOOD} yesterday"):
+        assert [run.run for run in search(days, words).runs] == names
+        assert read == names
+        read.clear()
+    search(days, "a person stands where another person will stand")
+    assert read == names[::-1]
 
 
 def test_the_event_says_who_was_where_and_when_and_the_page_shows_it(days, tmp_path):
