@@ -10,7 +10,6 @@ from scene4d import solve_camera
 SETTINGS = [
     (30, {}),
     (100, {}),
-    (300, {"outliers": 0.1}),
     (100, {"outliers": 0.1}),
     (100, {"tracks": 20}),
 ]

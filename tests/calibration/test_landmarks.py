@@ -20,6 +20,7 @@ from scene4d.core.landmarks import Distance, GroundPoint, Landmarks, Upright
 from scene4d.core.people import Segments
 from scene4d.formats.cameras import read_camera
 from strategies import build_camera, build_lens
+from type_checks import unchecked
 
 FAR = 8.0
 """Ground points lie up to so many heights of the camera away."""
@@ -103,7 +104,13 @@ def mistyped() -> Calibration:
     x, y = first.xy_m
     wrong = replace(first, xy_m=(x + 3.0, y), name="<drain>")
     known = Landmarks((wrong, *others), measured.uprights(1), measured.distances(1))
-    return solve_points(nobody(), (1920, 1080), landmarks=known)
+    return unchecked_points(nobody(), (1920, 1080), landmarks=known)
+
+
+def unchecked_points(*args: object, **options: object) -> Calibration:
+    """Where many steps are taken; the other tests check the types of each."""
+    with unchecked():
+        return solve_points(*args, **options)
 
 
 def all_kinds(measured: Measured) -> Landmarks:
@@ -162,7 +169,7 @@ def test_known_noise_comes_out_as_stated(n_points, n_people):
         known = Landmarks(Measured(scene.camera, rng).points(n_points))
         people = scene.people
         seen = Segments.from_points(people.foot_uv[:n_people], people.head_uv[:n_people])
-        found = solve_points(seen, scene.camera.image_size, landmarks=known)
+        found = unchecked_points(seen, scene.camera.image_size, landmarks=known)
         if found:
             z.append(errors_of(scene, found) / sigmas_of(found))
     assert len(z) >= 5
@@ -201,8 +208,8 @@ def test_the_scale_follows_the_points_against_the_people():
     known = Landmarks(Measured(scene.camera, rng, sigma_m=0.02, sigma_px=1.0).points(4))
     people = Segments.from_points(scene.people.foot_uv, scene.people.head_uv, track=np.arange(12))
     options = {"population_sigma_m": 0.03, "lens": scene.camera.lens}
-    alone = solve_points(people, scene.camera.image_size, **options)
-    found = solve_points(people, scene.camera.image_size, landmarks=known, **options)
+    alone = unchecked_points(people, scene.camera.image_size, **options)
+    found = unchecked_points(people, scene.camera.image_size, landmarks=known, **options)
     assert abs(errors_of(scene, alone)[3]) > 0.2
     assert abs(errors_of(scene, found)[3]) < min(0.03, 3 * sigmas_of(found)[3])
     said = [text for text in found.warnings if "contradict the people: height" in text]
@@ -224,7 +231,7 @@ def test_where_nobody_can_tell_which_is_wrong_all_count_less(measured):
     first, *others = measured.points(4)
     x, y = first.xy_m
     options = {"landmarks": Landmarks((replace(first, xy_m=(x + 5.0, y + 9.0)), *others))}
-    found = solve_points(nobody(), (1920, 1080), lens=measured.camera.lens, **options)
+    found = unchecked_points(nobody(), (1920, 1080), lens=measured.camera.lens, **options)
     if found:
         assert any("miss one another by" in text for text in found.warnings)
     else:
