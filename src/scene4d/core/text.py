@@ -7,14 +7,15 @@ import difflib
 import reprlib
 from collections.abc import Iterable
 from pathlib import Path
-from xml.etree.ElementTree import Element, ParseError
+from typing import TYPE_CHECKING
 
 import numpy as np
-from defusedxml.common import DefusedXmlException
-from defusedxml.ElementTree import fromstring
 from jaxtyping import Float
 
 from scene4d.core.errors import InputError
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
 
 _LONGEST_QUOTE = 80
 """Characters: one line of a terminal."""
@@ -60,11 +61,16 @@ def head_text(path: Path, size: int = 4096) -> str:
         raise InputError(f"cannot be read: {error.strerror}") from error
 
 
-def parse_xml(text: str) -> Element:
+def parse_xml(text: str) -> "Element":
     """The root element; entities and external references are refused.
 
     Raises :class:`InputError` naming the line.
     """
+    from xml.etree.ElementTree import ParseError  # every command reads text, and few read XML
+
+    from defusedxml.common import DefusedXmlException
+    from defusedxml.ElementTree import fromstring
+
     try:
         return fromstring(text)  # as text, so that the encoding it declares is of no account
     except ParseError as error:

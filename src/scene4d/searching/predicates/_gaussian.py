@@ -1,11 +1,11 @@
 """Probabilities of Gaussian numbers, points and angles, for all predicates."""
 
+from functools import cache
 from math import erfc
 
 import numpy as np
 from jaxtyping import Float
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
 _MOST_CORRELATED = 0.999
 _ALL_BELOW, _ALL_ABOVE = -38.6, 8.3
 """Beyond these Φ is 0 or 1 as a float."""
@@ -77,10 +77,17 @@ def both_positive(
     independent = ndtr(first) * ndtr(second)
     total = np.zeros_like(independent)
     squares, product = first**2 + second**2, 2 * first * second
-    for node, weight in zip(_NODES, _WEIGHTS, strict=True):
+    for node, weight in _quadrature():
         s = np.sin(top * (node + 1) / 2)
         total += weight * np.exp(-(squares - product * s) / (2 * (1 - s * s)))
     return np.asarray(np.clip(independent + top * total / (4 * np.pi), 0.0, 1.0))
+
+
+@cache
+def _quadrature() -> list[tuple[float, float]]:
+    """Ten nodes and their weights; NumPy's polynomials are loaded where somebody needs them."""
+    nodes, weights = np.polynomial.legendre.leggauss(10)
+    return list(zip(nodes.tolist(), weights.tolist(), strict=True))
 
 
 def in_wedge(
