@@ -30,9 +30,10 @@ from scene4d.alignment._score import Fit, Matching, Meetings
 
 POSE = 5
 """x, y, heading, offset and drift come first."""
-DRIFT_SIGMA = 3e-4
-"""Prior of the clocks' difference in rate: frame rates are rounded and crystals err (chosen: 29.97
-for 30 is found as three sigma, two crystals are 5e-5)."""
+_DRIFT, _DRIFT_FREEDOM = 3e-4, 3.0
+"""Prior of the clocks' difference in rate, and Student's degrees of freedom: two crystals differ by
+5e-5, frame rates are rounded (29.97 for 30 is 1e-3), and some recorders err by several thousandths,
+which a Gaussian would pull back. Chosen."""
 _WANDERS_M = (0.06, 0.09, 0.13, 0.18, 0.25, 0.35)
 _WANDER_M, _WANDER_SPREAD = 0.17, 0.5
 """Standard deviation of what a track's positions in two cameras differ by for seconds (m): of those
@@ -58,6 +59,11 @@ _PRIOR_MATCHES = 8.0
 standard deviation to a quarter."""
 
 
+def drift_information(rate: float) -> float:
+    """Of the drift's prior, where the rate is about this."""
+    return (_DRIFT_FREEDOM + 1) / (_DRIFT_FREEDOM * _DRIFT**2 + rate**2)
+
+
 @dataclass(frozen=True, eq=False)
 class Factor:
     """Information matrix and vector, and the point at which it was linearised.
@@ -80,7 +86,7 @@ class Factor:
         """Information of the priors: unit for the errors of the cameras, and the drift's."""
         prior = np.ones(len(self.at))
         prior[: POSE - 1] = 0.0
-        prior[POSE - 1] = DRIFT_SIGMA**-2
+        prior[POSE - 1] = drift_information(float(self.at[POSE - 1]))
         return np.diag(prior)
 
     def alone(self) -> tuple[Float[np.ndarray, "p"], Float[np.ndarray, "p p"]]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.alignment._factor import DRIFT_SIGMA, POSE, Factor, relinearised
+from scene4d.alignment._factor import POSE, Factor, drift_information, relinearised
 from scene4d.alignment._loops import chained, consistent, groups_of
 from scene4d.alignment._pairs import Link
 from scene4d.alignment._paths import MODES, View, covariance_root
@@ -23,6 +23,8 @@ from scene4d.core.placement import PLACED, Drift, Placement
 _STEPS = 12
 _RELINEARISED = 2
 """Times that factors are linearised anew at the site's estimate; a third changed no digit."""
+_DRIFT_STEPS = 4
+"""Steps to the drifts: their prior lets go of large ones by and by."""
 _DRIFT_SIGMAS = 4.0
 """A drift is stated if it is so many standard deviations from zero."""
 _LEAST_DRIFT = 2e-5
@@ -203,8 +205,9 @@ def _drifting(
 ) -> bool:
     """Whether the clocks run at different rates for certain: else one rate is assumed."""
     here = point.copy()
-    information, force = _normal(views, links, slots, here, True)
-    here += np.linalg.solve(information, force)
+    for _ in range(_DRIFT_STEPS):
+        information, force = _normal(views, links, slots, here, True)
+        here += np.linalg.solve(information, force)
     covariance = np.linalg.inv(information)
     for one in slots.values():
         at = one.start + POSE - 1
@@ -234,7 +237,8 @@ def _normal(
     for number, camera in enumerate(slots):
         start = slots[camera].start
         prior[start + POSE : slots[camera].stop] = 1.0
-        prior[start + POSE - 1] = DRIFT_SIGMA**-2 if drifting else _HELD
+        rate = float(point[start + POSE - 1])
+        prior[start + POSE - 1] = drift_information(rate) if drifting else _HELD
         if number == 0:
             prior[start : start + POSE] = _HELD
     information[np.diag_indices(size)] += prior
