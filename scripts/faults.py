@@ -180,8 +180,8 @@ def kill_align(place: Path, kills: int, rng: random.Random) -> None:
 
 
 def place_of(folder: Path) -> tuple:
-    table = read_table(folder / "identities.parquet")
     said = json.loads((folder / "site.json").read_text())
+    table = read_table(folder / said["identities"])
     return said["cameras"], {name: values.tolist() for name, values in table.items()}
 
 

@@ -144,7 +144,7 @@ def _in_site(file: str) -> Sample:
         write_site(
             folder / "site", SiteFile({"c": entry}), Identities(*names), refined={}, pictures={}
         )
-        return folder / "site" / file
+        return next((folder / "site").glob(file))
 
     def read(path: Path) -> None:
         site = Site.open(path.parent)
@@ -265,7 +265,7 @@ def _samples() -> Iterator[tuple[str, Sample]]:
     yield "events", Sample(_event, _events)
     for what in ("runs/r.json", "cameras/c.json", "tracks/**/*.parquet"):
         yield f"scene {what}", _in_scene(what)
-    for file in ("site.json", "identities.parquet"):
+    for file in ("site.json", "identities*.parquet"):
         yield f"site {file}", _in_site(file)
     for file in ("settings.json", "finished.json", "00000.npz"):
         yield f"log {file}", _log(file)

@@ -3,6 +3,7 @@ cameras saw of one person is one row that errs by as much as it says.
 """
 
 import json
+import os
 from dataclasses import replace
 from datetime import timedelta
 
@@ -20,7 +21,7 @@ from scene4d.store.identities import Identities
 from scene4d.store.regrounding import in_site, regrounded
 from scene4d.store.site import Site, clock_s
 from scene4d.store.site_file import SiteAnchor, SiteFile, is_site
-from scene4d.store.site_writing import refined_path, write_site
+from scene4d.store.site_writing import write_site
 from site_worlds import CAMERA, NOON, Eye, place, seen, store, strolls
 
 WEST = Eye("west", place(0.0, 0.0, 0.0), (-4.0, 0.0), 12.0, noise_m=0.1, shared_m=0.1)
@@ -35,9 +36,6 @@ def site_of(folder, eyes, walkers, *, start=None, refined=(), anchor=None, extra
         tracks, whose = seen(eye, walkers)
         cameras[eye.name] = store(folder / f"{eye.name}-scene", eye, tracks, start)
         rows += [(eye.name, track, who + 1, 1.0) for track, who in whose.items()]
-    for name in refined:
-        path = refined_path(folder / "site", name)
-        cameras[name] = replace(cameras[name], camera=path)
     columns = [np.array(column) for column in zip(*rows, strict=True)]
     found = {name: Calibration.of_camera(CAMERA.disturbed(REFINED)) for name in refined}
     said = SiteFile(cameras, None if start is None else ns(start), anchor)
@@ -290,9 +288,62 @@ def test_an_anchor_is_kept(tmp_path, walkers):
 
 def test_a_site_that_is_written_again_leaves_nothing_of_the_first(tmp_path, walkers):
     first = site_of(tmp_path, [WEST], walkers[:2], refined=["west"])
-    assert (first.folder / "cameras" / "west.json").exists()
+    assert first.placed("west").camera.exists()
+    assert first.placed("west").camera.parent == first.folder / "cameras"
     again = Identities(np.array(["west"]), np.array([1]), np.array([1]), np.array([1.0]))
     west = replace(first.placed("west"), camera=first.scene("west").camera_file("west"))
     write_site(first.folder, SiteFile({"west": west}), again, refined={}, pictures={})
-    assert not (first.folder / "cameras" / "west.json").exists()
+    assert not first.placed("west").camera.exists()
     assert isinstance(Site.open(first.folder).camera("west"), Camera)
+    assert len(list(first.folder.glob("*.parquet"))) == 1
+
+
+class Killed(BaseException):
+    """Passes whatever would tidy up, as a kill does."""
+
+
+def test_killed_anywhere_the_site_is_the_old_one_or_the_new(tmp_path, walkers, monkeypatch):
+    def whole(folder):
+        site = Site.open(folder)
+        told = site.to_dict()["cameras"]["west"]["x_m"], site.calibration("west").camera.height_m
+        return *told, site.identities.probability.tolist()
+
+    def make(folder, scene, x_m, height):
+        entry = replace(scene, placement=replace(scene.placement, x_m=x_m))
+        lens = Calibration.of_camera(CAMERA.disturbed(np.array([0, 0, 0, height, 0])))
+        who = Identities(np.array(["west"]), np.array([1]), np.array([1]), np.array([height]))
+        pictures = {"plan.png": b"x", "pairs/a.png": b"y"}
+        write_site(
+            folder, SiteFile({"west": entry}), who, refined={"west": lens}, pictures=pictures
+        )
+
+    scene = store(tmp_path / "scene", WEST, seen(WEST, walkers[:2])[0])
+    seen_ones = []
+    for step in range(40):
+        folder = tmp_path / f"s{step}"
+        make(folder, scene, 1.0, 0.1)
+        before, left = whole(folder), iter(range(step))
+        with monkeypatch.context() as patch:
+            for name in ("replace", "unlink"):
+                real = getattr(os, name)
+
+                def change(*args, real=real, left=left, **options):
+                    if next(left, None) is None:
+                        raise Killed
+                    return real(*args, **options)
+
+                patch.setattr(os, name, change)
+            try:
+                make(folder, scene, 2.0, 0.2)
+                killed = False
+            except Killed:
+                killed = True
+        seen_ones.append(whole(folder) == before)
+        assert whole(folder) == before or whole(folder)[0] == 2.0
+        assert whole(folder)[2] == [whole(folder)[0] / 10]
+        make(folder, scene, 3.0, 0.3)
+        assert whole(folder)[0] == 3.0
+        assert len(list(folder.glob("*.parquet"))) == len(list(folder.glob("cameras/*"))) == 1
+        if not killed:
+            break
+    assert step > 5 and seen_ones[0] and not seen_ones[-1]

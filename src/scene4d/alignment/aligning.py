@@ -29,7 +29,7 @@ from scene4d.store.regrounding import in_site, regrounded
 from scene4d.store.site import Site
 from scene4d.store.site_errors import SiteErrors
 from scene4d.store.site_file import SiteAnchor, SiteCamera, SiteFile
-from scene4d.store.site_writing import refined_path, write_site
+from scene4d.store.site_writing import write_site
 
 _DRIFT_TOLD_S = 0.1
 """Clocks that drift apart by less than this over the footage are not worth a word."""
@@ -152,7 +152,7 @@ def align(
             warnings.append(f"the site has a frame of its own, off the map: {anchor.reason}")
     with timed(timings, "identities"), progress.stage("Recognising people", None):
         identities = _identities(found)
-    said = SiteFile({one.name: _entry(one, Path(out)) for one in found}, start_ns, anchor, errors)
+    said = SiteFile({one.name: _entry(one) for one in found}, start_ns, anchor, errors)
     better = {one.name: one.refined for one in found if one.refined is not None}
     with timed(timings, "pictures"):
         lines = [one.xy_m for one in anchors.lines] if anchors is not None and anchor else []
@@ -332,11 +332,10 @@ def _pictures(
         )
 
 
-def _entry(one: _Placed, out: Path) -> SiteCamera:
+def _entry(one: _Placed) -> SiteCamera:
     watched = one.read.watched
-    file = watched.file if one.refined is None else refined_path(out, watched.name)
     runs = tuple(run.run for run in watched.runs)
-    return SiteCamera(watched.folder, file, watched.camera, runs, one.placement)
+    return SiteCamera(watched.folder, watched.file, watched.camera, runs, one.placement)
 
 
 def _told(one: Link, read: Sequence[_Read], solution: Solution | None) -> dict[str, Any]:

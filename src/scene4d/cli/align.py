@@ -27,7 +27,7 @@ def align(
         Path,
         typer.Option(
             metavar="SITE",
-            help="Folder for site.json, identities.parquet, plan.png and pairs/.",
+            help="Folder for site.json, identities, plan.png and pairs/.",
             show_default=False,
         ),
     ],

@@ -1,8 +1,8 @@
 """Sites: several cameras on one ground and one clock, with one number for each person and vehicle.
 
-    SITE/site.json             where the cameras stand (:mod:`scene4d.store.site_file`)
-    SITE/identities.parquet    camera, track (as in its scene), identity, probability
-    SITE/cameras/NAME.json     calibrations that were refined over what several cameras saw
+    SITE/site.json                     where the cameras stand (:mod:`scene4d.store.site_file`)
+    SITE/identities-VERSION.parquet    camera, track (as in its scene), identity, probability
+    SITE/cameras/NAME-VERSION.json     calibrations refined over what several cameras saw
 
 The tracks stay in the scenes; a site maps them while it reads.
 """
@@ -33,7 +33,6 @@ from scene4d.store.runs import Run
 from scene4d.store.schema import with_keypoints
 from scene4d.store.site_errors import SiteErrors
 from scene4d.store.site_file import (
-    IDENTITIES_FILE,
     SiteAnchor,
     SiteCamera,
     SiteFile,
@@ -171,7 +170,7 @@ class Site:
     @cached_property
     def identities(self) -> Identities:
         """Which tracks are one and the same."""
-        return Identities.load(self.folder / IDENTITIES_FILE)
+        return Identities.load(self.folder / self._said.identities)
 
     @property
     def span_s(self) -> tuple[float, float]:

@@ -3,10 +3,12 @@
     {"schema": "scene4d/site/1", "start": "2026-11-20T08:00:00Z", "start_ns": .., "cameras": {NAME:
      {"scene": FOLDER, "camera": FILE, "name": .., "runs": [..], "x_m": .., "y_m": ..,
       "heading_deg": .., "scale": .., "time_offset_s": .., "sigma": {..}, "covariance": 5x5,
-      "clock_drift": null, "status": "ok"}}, "anchor": null,
+      "clock_drift": null, "status": "ok"}}, "anchor": null, "identities": FILE,
      "errors": {"cameras": [..], "parameters": [..], "matrix": 12n x 12n}}
 
-Paths are relative to the site's folder where they can be. ``name`` is the camera's in its scene.
+Paths are relative to the site's folder where they can be. Names of ``identities`` and of refined
+calibrations change with the site, so that a new one stands beside the old one until this file,
+which is replaced in one step, names the new. ``name`` is the camera's in its scene.
 An undetermined camera has ``reason`` and no numbers. ``start`` is the zero of the site's clock,
 null where no camera's is known: the clock of a camera counts from there if the start of its footage
 is known, else from the beginning of its clip. ``clock_drift`` is null where the clocks run alike as
@@ -32,7 +34,9 @@ from scene4d.store.site_errors import SiteErrors
 
 SITE_SCHEMA = "scene4d/site/1"
 """Name and version of the file, and the only one that is read."""
-SITE_FILE, IDENTITIES_FILE = "site.json", "identities.parquet"
+SITE_FILE = "site.json"
+_IDENTITIES = "identities.parquet"
+"""Name of that file where none is given."""
 _DEGREES = 180 / np.pi
 _PPM = 1e6
 _KINDS = ("earth", "plan", "cameras")
@@ -89,13 +93,14 @@ class SiteCamera:
 @dataclass(frozen=True, eq=False)
 class SiteFile:
     """The content of ``site.json``; ``start_ns`` is None where no clock is known, ``errors`` where
-    it is not told what the cameras err by together.
+    it is not told what the cameras err by together. ``identities`` is the name of their file.
     """
 
     cameras: dict[str, SiteCamera]
     start_ns: int | None = None
     anchor: SiteAnchor | None = None
     errors: SiteErrors | None = None
+    identities: str = _IDENTITIES
 
     def to_dict(self, folder: Path) -> dict[str, Any]:
         """For JSON in ``folder``."""
@@ -107,6 +112,7 @@ class SiteFile:
             "cameras": {name: _told(one, folder) for name, one in self.cameras.items()},
             "anchor": None if self.anchor is None else self.anchor.to_dict(),
             "errors": None if self.errors is None else self.errors.to_dict(),
+            "identities": self.identities,
         }
 
     @classmethod
@@ -122,10 +128,13 @@ class SiteFile:
         cameras = {name: _camera(told.object(name), folder) for name in told.names()}
         if not cameras:
             raise said.error("cameras", "one camera or more")
+        identities = said.text("identities") if "identities" in said else _IDENTITIES
+        if not identities.endswith(".parquet") or {*"/\\:"} & {*identities}:
+            raise said.error("identities", "a file in this folder, such as identities.parquet")
         anchor = _anchor(said.object("anchor")) if "anchor" in said else None
         placed = [name for name, one in cameras.items() if one.placement]
         errors = SiteErrors.read(said.object("errors"), placed) if "errors" in said else None
-        return cls(cameras, start_ns, anchor, errors)
+        return cls(cameras, start_ns, anchor, errors, identities)
 
 
 def _told(one: SiteCamera, folder: Path) -> dict[str, Any]:
