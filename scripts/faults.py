@@ -32,16 +32,21 @@ from walks import CAMERA, write_video  # noqa: E402
 CHILD = """
 import sys
 sys.path[:0] = {paths!r}
+import datetime, time
+if {clock_s}:
+    began, wall, wall_ns = time.monotonic(), time.time, time.time_ns
+    jump = lambda: {clock_s} if time.monotonic() - began > 6 else 0
+    time.time = lambda: wall() + jump()
+    time.time_ns = lambda: wall_ns() + int(jump() * 1e9)
+    class Jumping(datetime.datetime):
+        @classmethod
+        def now(cls, tz=None):
+            return cls.fromtimestamp(time.time(), tz)
+    datetime.datetime = Jumping
 from conftest import Perfect
 import scene4d.perception.objects as objects, scene4d.calibration.watching as watching
 objects.ObjectDetector.default = lambda **_: Perfect()
 watching.fetch_weights = lambda *_, **__: None
-import time
-if {clock_s}:
-    began, wall, wall_ns = time.monotonic(), time.time, time.time_ns
-    jump = lambda: {clock_s} if time.monotonic() - began > 3 else 0
-    time.time = lambda: wall() + jump()
-    time.time_ns = lambda: wall_ns() + int(jump() * 1e9)
 from scene4d.cli import main
 sys.argv = ["scene4d", *sys.argv[1:]]
 main()

@@ -12,6 +12,7 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import replace
+from datetime import datetime, timedelta
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from itertools import groupby
 from pathlib import Path
@@ -246,6 +247,33 @@ def test_a_full_disk_is_one_error_and_what_was_published_stays(
     with pytest.raises(OutputError, match="No space left"):
         watch(video, camera, tmp_path / "scene")
     assert 0 < Scene.open(tmp_path / "scene").runs[0].span_s[1] < used.seen[-1] / FPS
+
+
+def test_jumps_of_the_clock_do_not_reach_the_rows(tmp_path, camera, detector, paced, monkeypatch):
+    """An hour forwards after a second, and an hour back after another."""
+    used, hours = detector(), [0]
+    look = used.look
+
+    class Clock(datetime):
+        @classmethod
+        def now(cls, tz=None):
+            return datetime.now(tz) + timedelta(hours=hours[0])
+
+    def jumps(frame):
+        hours[0] = int(frame.index >= 10) - 2 * int(frame.index >= 20)
+        return look(frame)
+
+    used.look = jumps
+    for module in ("video.live", "tracking.live", "tracking._pulse"):
+        monkeypatch.setattr(f"scene4d.{module}.datetime", Clock)
+    watch(write_video(tmp_path / "yard.avi", seconds=3), camera, tmp_path / "scene")
+    scene = Scene.open(tmp_path / "scene")
+    (run,) = scene.runs
+    assert run.span_s == pytest.approx((0.0, 2.9))
+    assert len(run.watched) == 1
+    moments = scene.tracks().time_s * 1e9 + run.start_ns
+    assert np.abs(moments - time.time_ns()).max() < 1800e9
+    assert hours == [-1]
 
 
 class Scripted(LiveSource):
