@@ -25,6 +25,12 @@ person does not walk towards a car => not moving_towards(person, vehicle)
 person faces the left side of a car => facing(person, vehicle, side=left)
 person looks at a vehicle => facing(person, vehicle)
 person in zone car park => inside(person, zone=car park)
+a man near a car runs => near(person, vehicle) & speed_above(person, speed_mps=2.2)
+a person in the entrance is not near a car =>
+  inside(person, zone=entrance) & not near(person, vehicle)
+a person is near a man who stands where a car stood =>
+  near(person, person_2) & stationary(person_2) & near_spot(person_2, tau_m=2.5, spot=a car stood)
+  & a car stood: stationary(vehicle)
 person in "car park" => inside(person, zone=car park)
 person in the Entrance => inside(person, zone=entrance)
 person crosses the line gate => crosses(person, line=gate)
@@ -163,6 +169,17 @@ def test_seconds_are_no_second_person_and_who_gets_out_walks_away():
     assert phase.min_s == 10
     *_, last = parsed("two people get out of a car and walk away").activity.phases
     assert {term.roles[0] for term in last.terms} == {"person", "person_2"}
+
+
+def test_there_is_the_zone_named_last_and_who_runs_into_it_runs():
+    *_, last = parsed(
+        "a person runs into the entrance and stays there for 5 minutes"
+    ).activity.phases
+    assert (last.min_s, last.terms[0].parameters) == (300, {"zone": "entrance"})
+    first, *_ = parsed("a person runs into the entrance").activity.phases
+    assert [term.predicate for term in first.terms] == ["inside", "speed_above"]
+    with pytest.raises(InputError, match="there"):
+        parsed("a person stands there")
 
 
 def test_two_who_differ_do_so_at_the_same_time():

@@ -12,7 +12,7 @@ from scene4d.core.colours import is_colour
 from scene4d.core.tracks import CLASSES
 from scene4d.searching.activities.definition import Term
 from scene4d.searching.language._lexicon import Adjective, StateEntry
-from scene4d.searching.language._sentences import Choice, Noun, Polarity, Said, Span
+from scene4d.searching.language._sentences import Choice, Noun, Polarity, Said, Span, options_of
 from scene4d.searching.language._times import (
     Mark,
     TimeReader,
@@ -82,12 +82,15 @@ class NounReader(TimeReader):
             exactly,
         )
 
+    def noun_where(self, meta: Any, children: list) -> Noun:
+        """ "A person near a car" before a verb: who is there."""
+        noun, *relations = children
+        said = tuple(self._taken(options_of(one)) for one in relations)
+        return replace(noun, relatives=(*noun.relatives, *said), span=span_of(meta))
+
     def relative(self, _meta: Any, children: list) -> tuple:
         polarity = first_of(children, Polarity)
-        said = [
-            self._taken(child.options) if isinstance(child, Choice) else child
-            for child in all_of(children, Said, Choice)
-        ]
+        said = [self._taken(options_of(child)) for child in all_of(children, Said, Choice)]
         if polarity and polarity.is_denied:
             said[0] = opposite(said[0])
         return tuple(said)
@@ -110,6 +113,8 @@ class NounReader(TimeReader):
 
     def _taken(self, options: Sequence[Any]) -> Any:
         """The first of several readings, with a note."""
+        if len(options) == 1:
+            return options[0]
         start, end = getattr(options[0], "span", (0, len(self._text)))
         said = self._text[start:end]
         self.notes.append(f'"{said}" can be read in {len(options)} ways; one of them is taken')

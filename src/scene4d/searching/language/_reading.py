@@ -240,7 +240,7 @@ class _Reader(NounReader):
     def modifier(self, _meta: Any, children: list) -> Any:
         is_denied = any(isinstance(child, Mark) for child in children)
         said = next(child for child in children if not isinstance(child, Mark))
-        said = self._taken(said.options) if isinstance(said, Choice) else said
+        said = self._taken(options_of(said))
         return opposite(said) if is_denied else said
 
     def denied(self, _meta: Any, children: list) -> Polarity:

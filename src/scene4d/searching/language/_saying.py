@@ -7,6 +7,7 @@ from scene4d.searching.activities.definition import Phase, Term
 from scene4d.searching.language._discourse import NOBODY, Discourse, adjective_terms
 from scene4d.searching.language._lexicon import StateEntry
 from scene4d.searching.language._pieces import Piece, duration, state, throughout
+from scene4d.searching.language._refusals import plain
 from scene4d.searching.language._sentences import Bound, Clause, Delay, Lasting, Noun, Said
 from scene4d.searching.predicates._registry import PREDICATES
 
@@ -43,6 +44,9 @@ def state_of(clause: Clause, core: Said, discourse: Discourse) -> Piece:
         if said[0].is_denied:
             what = '"not" denies a state, such as "is not in zone NAME", not what becomes so'
             raise discourse.refuse(clause.span, what)
+        if plain(discourse.said(core.span)).split()[0] in discourse.lexicon.verbs["run"].words:
+            running = discourse.lexicon.adjective("running").holds
+            terms += tuple(replace(one, roles=(name,)) for one in running for name in subjects)
         return _change(entry, of_core, terms, lasting, discourse)
     is_instant = any(one.entry.instant for one in said)
     if is_instant and lasting.least is not None:

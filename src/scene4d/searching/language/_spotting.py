@@ -32,10 +32,17 @@ def with_spots(clause: Clause, discourse: Discourse, read: _Read) -> Clause:
     """
 
     def named(part: Any) -> Any:
+        if isinstance(part, Said | Done):
+            part = replace(part, nouns=tuple(map(described, part.nouns)))
         is_spot = isinstance(part, Said) and part.spot is not None
         return _named(part, part.spot, clause, discourse, read) if is_spot else part
 
-    return replace(clause, core=named(clause.core), modifiers=tuple(map(named, clause.modifiers)))
+    def described(noun: Noun) -> Noun:
+        return replace(noun, relatives=tuple(map(named, noun.relatives)))
+
+    subjects, modifiers = map(described, clause.subjects), map(named, clause.modifiers)
+    core = named(clause.core)
+    return replace(clause, subjects=tuple(subjects), core=core, modifiers=tuple(modifiers))
 
 
 def _named(said: Said, spot: SpotSaid, clause: Clause, discourse: Discourse, read: _Read) -> Said:

@@ -106,6 +106,10 @@ def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
             continue
         match = _TOKEN.match(text, at)
         if match is not None and match.lastgroup == "word":
+            if there := _there(match, found):
+                found += there
+                at = match.end()
+                continue
             _check_refused(text, match, vocabulary)
         if match is None:  # a line break, which "." does not match, is space already
             raise refuse(text, at, _NOTHING)
@@ -121,6 +125,15 @@ def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
         what = f"{len(found)} words, at most {_MOST_WORDS} are allowed"
         raise InputError(f"search: {what}; split it into several searches")
     return found
+
+
+def _there(match: re.Match, before: Sequence[Word]) -> list[Word]:
+    """ "There" after a zone was named is in it; not in "is there" and the like."""
+    zones = [word.value for word in before if word.kind == "zone"]
+    if match.group().casefold() != "there" or not zones or before[-1].value in ("be", "and"):
+        return []
+    start, end = match.span()
+    return [Word("word", "in", start, end, "there"), Word("zone", zones[-1], start, end, "there")]
 
 
 def _check_refused(text: str, match: re.Match, vocabulary: Vocabulary) -> None:
