@@ -113,8 +113,8 @@ def measure(report: Report, amount: Amount, wanted: list[str], data: Path) -> No
     if "search" in wanted:
         with search.days(amount.days) as days:
             report.table("search", search.table(days[-1], amount.searches))
-            report.table("stages of search", search.stages(days[-1], amount.searches))
             report.curves("search", search.growth(days, amount.searches))
+        report.table("a month", search.month(amount.days[-1]))
 
 
 def compare(report: Report, amount: Amount, case: scenes.Scene) -> None:

@@ -1,11 +1,11 @@
-"""A day of one camera searched in words, as a whole command: how long, what of it, beside others.
+"""A day and a month of one camera searched in words, as a whole command, beside others.
 
     python -m benchmarks.search [--quick]
 
 The day (``benchmarks/activities.py``) is written as tracking writes it: people with 26 keypoints,
 in chunks of ten seconds, and a calibration with its covariance. Every time is that of a process of
 its own, from its start to its end, reading included; the fastest of several. Files are in the disk
-cache after the first run.
+cache after the first run. The month is that day thirty times, with its dates and without bodies.
 """
 
 import argparse
@@ -17,6 +17,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,9 @@ from scene4d.core.tracks import Tracks
 from scene4d.store.writing import SceneWriter
 
 WORDS = "person enters vehicle"
+STANDS = "a person stands near a vehicle"
+OF_MONTH = ("person near vehicle", "a person stands where a vehicle was parked yesterday")
+MONTH_DAYS, BEGINS = 30, datetime(2026, 10, 1, tzinfo=UTC)
 KEYPOINTS, CHUNK_S, SLICE = 26, 10.0, 100_000
 COMMAND = (sys.executable, "-c", "from scene4d.cli import main; main()", "search")
 LAUNCHER, PEERS_FILE = (Path(__file__).with_name(name) for name in ("launch.py", "search_peers.py"))
@@ -35,7 +39,6 @@ PEERS = (
     ("DuckDB, SQL: nearer than 2.5 m", "sql_near", ("duckdb",)),
     ("DuckDB, SQL: nearer than 2.5 m, then gone", "sql_vanished", ("duckdb",)),
     ("pandas, merged by frame: the same", "merged", ("pandas", "pyarrow")),
-    ("pandas, SciPy cdist frame by frame: the same", "by_frames", ("pandas", "pyarrow")),
 )
 SLOW_S = 20.0
 """What takes longer is not repeated."""
@@ -82,12 +85,34 @@ def write_day(folder: Path, people: int, vehicles: int) -> Day:
     return Day(folder, len(tracks), entering)
 
 
+def write_month(folder: Path, people: int, vehicles: int) -> Path:
+    """A day with so many rows, again on every day of a month."""
+    tracks, _ = activities.synthetic_day(people, vehicles)
+    parts = list(_in_chunks(tracks))
+    for day in range(MONTH_DAYS):
+        with SceneWriter(
+            folder,
+            camera="roof",
+            run=f"day {day + 1:02d}",
+            start_utc=BEGINS + timedelta(days=day),
+            camera_json=activities.calibration().to_dict(),
+            provenance={},
+        ) as out:
+            for part in parts:
+                out.write(part)
+    return folder
+
+
+def _in_chunks(tracks: Tracks) -> Iterator[Tracks]:
+    order = np.lexsort((tracks.time_s, tracks.track, np.floor(tracks.time_s / CHUNK_S)))
+    for begin in range(0, len(order), SLICE):
+        yield tracks.select(order[begin : begin + SLICE])
+
+
 def _as_tracked(tracks: Tracks) -> Iterator[Tracks]:
     """Chunk by chunk, with bodies for the people."""
     rng = np.random.default_rng(0)
-    order = np.lexsort((tracks.time_s, tracks.track, np.floor(tracks.time_s / CHUNK_S)))
-    for begin in range(0, len(order), SLICE):
-        part = tracks.select(order[begin : begin + SLICE])
+    for part in _in_chunks(tracks):
         share = rng.random((len(part), KEYPOINTS, 2))
         low, high = part.box_xyxy[:, None, :2], part.box_xyxy[:, None, 2:]
         uv, score = low + share * (high - low), rng.random((len(part), KEYPOINTS))
@@ -127,6 +152,8 @@ def table(day: Day, repeats: int) -> Rows:
     roles = [event["roles"] for event in events]
     pairs = [(role["person"], role["vehicle"]) for role in roles]
     rows.append(_row(f'`scene4d search SCENE "{WORDS}"`', own, own, pairs, day))
+    stands = ran([*COMMAND, day.scene, STANDS], repeats)
+    rows.append([f'`scene4d search SCENE "{STANDS}"`', *_spent(stands, own), "", ""])
     for name, how, needs in PEERS:
         if all(importlib.util.find_spec(package) for package in needs):
             one = ran([sys.executable, PEERS_FILE, how, day.scene], repeats)
@@ -136,28 +163,24 @@ def table(day: Day, repeats: int) -> Rows:
 
 def _row(name: str, one: Ran, own: Ran, pairs: list[tuple[int, int]], day: Day) -> list[str]:
     right = sum(day.entering.get(person) == vehicle for person, vehicle in pairs)
-    return [
-        name,
-        f"{one.seconds:.2f}",
-        f"{one.cpu_s:.2f}",
-        f"{one.peak_mb:,.0f} MB",
-        f"{one.seconds / own.seconds:.2f}",
-        f"{len(pairs):,}",
-        f"{right} of {len(day.entering)}",
-    ]
+    return [name, *_spent(one, own), f"{len(pairs):,}", f"{right} of {len(day.entering)}"]
 
 
-def stages(day: Day, repeats: int) -> Rows:
-    """Seconds of every stage, of the fastest run."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "seconds.json"
-        command = [sys.executable, "-m", "benchmarks.search_stages", day.scene, WORDS, file]
-        found = [(_once(command).seconds, json.loads(file.read_text())) for _ in range(repeats)]
-    whole, seconds = min(found, key=lambda one: one[0])
-    seconds["all the rest"] = whole - sum(seconds.values())
-    rows = [["stage", "s", "share"]]
-    rows += [[name, f"{s:.2f}", f"{s / whole:.0%}"] for name, s in seconds.items()]
-    return [*rows, ["**all**", f"**{whole:.2f}**", ""]]
+def _spent(one: Ran, own: Ran) -> list[str]:
+    ratio = one.seconds / own.seconds
+    return [f"{one.seconds:.2f}", f"{one.cpu_s:.2f}", f"{one.peak_mb:,.0f} MB", f"{ratio:.2f}"]
+
+
+def month(people: int) -> Rows:
+    """The whole command on a month, once for each of :data:`OF_MONTH`."""
+    rows = [["words", "s", "s, all threads", "peak memory"]]
+    with tempfile.TemporaryDirectory(prefix="scene4d-month-") as name:
+        scene = write_month(Path(name) / "month", people, people // 10)
+        for words in OF_MONTH:
+            one = ran([*COMMAND, scene, words], 1)
+            spent = f"{one.seconds:.1f}", f"{one.cpu_s:.1f}", f"{one.peak_mb:,.0f} MB"
+            rows.append([f"*{words}*", *spent])
+    return rows
 
 
 def growth(days: Sequence[Day], repeats: int) -> tuple[Rows, list[Curve]]:
@@ -189,10 +212,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a smoke run")
     quick = parser.parse_args().quick
-    people, repeats = (20_000, 1) if quick else (1_000_000, 5)
+    people, repeats = (20_000, 1) if quick else (1_000_000, 2)
     with days([people]) as (day,):
-        for rows in (table(day, repeats), stages(day, repeats)):
-            print(markdown(rows), flush=True)
+        print(markdown(table(day, repeats)), flush=True)
+    print(markdown(month(people)))
 
 
 if __name__ == "__main__":

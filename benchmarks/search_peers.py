@@ -68,31 +68,10 @@ def merged(scene: Path) -> Pairs:
     return [pair for pair, last in last_s.items() if end_s[pair[0]] - last <= END_S]
 
 
-def by_frames(scene: Path) -> Pairs:
-    """pandas, and SciPy's distances frame by frame."""
-    from scipy.spatial.distance import cdist
-
-    rows = _rows(scene)
-    end_s = rows.groupby("track").time_s.max()
-    people = rows[rows["class"] == "person"]
-    vehicles = dict(iter(rows[rows["class"].isin(VEHICLES)].groupby("frame")))
-    last_s: dict[tuple[int, int], float] = {}
-    for frame, some in people.groupby("frame"):
-        others = vehicles.get(frame)
-        if others is None:
-            continue
-        apart = cdist(some[["x_m", "y_m"]], others[["x_m", "y_m"]])
-        for i, j in zip(*(apart < NEAR_M).nonzero(), strict=True):
-            pair = int(some.track.iloc[i]), int(others.track.iloc[j])
-            last_s[pair] = max(last_s.get(pair, 0.0), float(some.time_s.iloc[i]))
-    return [pair for pair, last in last_s.items() if end_s[pair[0]] - last <= END_S]
-
-
 PEERS = {
     "sql_near": sql_near,
     "sql_vanished": sql_vanished,
     "merged": merged,
-    "by_frames": by_frames,
 }
 
 

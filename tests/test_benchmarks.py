@@ -3,13 +3,12 @@
 import re
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from benchmarks import ablation, comparison, peers, scenes, search, search_peers, search_stages
+from benchmarks import ablation, comparison, peers, scenes, search, search_peers
 from benchmarks.peers import Method
 
 from scene4d.core.calibration import Calibration
@@ -139,7 +138,7 @@ def test_everybody_finds_who_enters(day: search.Day):
     roles = [one.event.roles for one in found]
     assert {(role["person"], role["vehicle"]) for role in roles} == entering
     near, *gone = [set(peer(day.scene)) for peer in search_peers.PEERS.values()]
-    assert gone == [entering] * 3
+    assert gone == [entering] * 2
     assert near >= entering
 
 
@@ -160,12 +159,15 @@ def test_a_command_is_measured_from_outside_and_its_failure_is_one():
         search.ran([sys.executable, "-c", "raise SystemExit(3)"], 1)
 
 
-def test_of_stages_within_one_another_the_innermost_counts():
-    watch = search_stages.Stopwatch()
-    inner = watch.around(lambda: time.sleep(0.05), "inner")
-    watch.around(lambda: (inner(), time.sleep(0.02)), "outer")()
-    assert 0.05 <= watch.seconds["inner"] < 0.5
-    assert 0.02 <= watch.seconds["outer"] < watch.seconds["inner"]
+def test_a_month_is_a_day_on_every_date(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(search, "MONTH_DAYS", 2)
+    scene = Scene.open(search.write_month(tmp_path / "month", 4_000, 6_000))
+    first, second = scene.runs
+    assert first.rows == second.rows > 8_000
+    assert second.start_ns - first.start_ns == 86_400 * 10**9
+    whole = search_scene(scene, search.OF_MONTH[1])
+    assert len(whole.runs) == 2
+    assert whole.rows == 2 * first.rows
 
 
 def test_the_page_has_what_the_run_replaces():
@@ -174,6 +176,6 @@ def test_the_page_has_what_the_run_replaces():
     assert begun == re.findall(r"<!-- (.*): end -->", page)
     assert set(begun) == {
         "machine", "peers", "stages", "start-up", "growth of people", "growth of frames",
-        "growth of sizes", "growth of pairs", "search", "stages of search",
-        "growth of search",
+        "growth of sizes", "growth of pairs", "search", "growth of search",
+        "a month",
     }  # fmt: skip
