@@ -2,9 +2,11 @@
 
 import numpy as np
 
+from scene4d.alignment._anchors import tied
 from scene4d.core.placement import Placement
 from scene4d.core.tracks import Tracks
 from scene4d.formats.anchors import MapLine
+from scene4d.store.site_errors import SiteErrors
 from site_worlds import place
 
 MAIN = np.array([[-60.0, 0.0], [-10.0, 0.0], [15.0, 6.0], [60.0, 30.0]])
@@ -13,6 +15,15 @@ BACK = np.array([[40.0, 20.0], [28.0, 60.0]])
 STREETS = (MAIN, SIDE, BACK)
 LANE_M, KEPT_M, WEAVE_M, NOISE_M = 1.6, 1.2, 0.5, 0.1
 FPS = 5.0
+
+
+def tie(cameras, anchors):
+    """:func:`tied`, the cameras erring each by itself."""
+    errors = SiteErrors.none()
+    for name, one in cameras.items():
+        if one.placement:
+            errors = errors.beside(SiteErrors.alone(name, one.placement, one.calibration))
+    return tied(cameras, anchors, errors)
 
 
 def lines(*streets: np.ndarray, kinds: tuple[int, ...] = (0, 1)) -> tuple[MapLine, ...]:

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from scene4d.alignment._anchors import Anchored, tied
+from alignment.maps import tie
+from scene4d.alignment._anchors import Anchored
 from scene4d.cli.exporting import export_site
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
@@ -44,7 +45,7 @@ def points(rng, names=("west", "west", "west", "east", "east"), sigma=0.2, kind=
 def test_the_frame_becomes_that_of_the_anchors_as_well_as_it_says():
     ratio, inside = [], 0
     for seed in range(40):
-        found, anchor, _ = tied(cameras(), points(np.random.default_rng(seed)))
+        found, anchor, _ = tie(cameras(), points(np.random.default_rng(seed)))
         expected = SECOND.then(WORLD)
         apart = (found["east"].parameters - expected.parameters)[:4]
         apart[2] = np.angle(np.exp(1j * apart[2]))
@@ -61,7 +62,7 @@ def test_the_frame_becomes_that_of_the_anchors_as_well_as_it_says():
 def test_a_known_camera_is_an_anchor():
     tracks, _ = seen(Eye("west", FIRST, (0.0, 11.0), 6.0, 0.05), strolls(30, 60.0, 12.0))
     there = FIRST.then(replace(WORLD, scale=1.0)).camera(CAMERA)
-    found, anchor, _ = tied(
+    found, anchor, _ = tie(
         cameras(west={"tracks": tracks}), Anchors("cameras", known={"west": there})
     )
     assert anchor.kind == "cameras"
@@ -75,26 +76,26 @@ def test_a_known_camera_is_an_anchor():
 def test_a_camera_that_shares_nobody_is_placed_by_its_own_points_if_its_clock_is_known():
     alone = Placement.undetermined("it shares nobody")
     rng = np.random.default_rng(3)
-    found, *_ = tied(cameras(west={"placement": alone}), points(rng))
+    found, *_ = tie(cameras(west={"placement": alone}), points(rng))
     assert found["west"] and found["east"]
     np.testing.assert_allclose(found["west"].parameters[:2], WORLD.parameters[:2], atol=1.0)
     assert found["west"].sigma["time_offset_s"] == pytest.approx(1.0)
-    unknown, *_ = tied(cameras(west={"placement": alone, "start_known": False}), points(rng))
+    unknown, *_ = tie(cameras(west={"placement": alone, "start_known": False}), points(rng))
     assert not unknown["west"] and "clock is not known" in unknown["west"].reason
 
 
 def test_anchors_that_cannot_be_right_are_refused():
     rng = np.random.default_rng(0)
     with pytest.raises(InputError, match="no camera 'nort'"):
-        tied({"north": cameras()["west"]}, replace(points(rng), camera=("nort",) * 5))
+        tie({"north": cameras()["west"]}, replace(points(rng), camera=("nort",) * 5))
     with pytest.raises(InputError, match="two or more"):
-        tied(cameras(), points(rng, ("west",)))
+        tie(cameras(), points(rng, ("west",)))
     wrong = points(rng, ("west",) * 6)
     wrong.xy_m[2] += 15.0
     with pytest.raises(InputError, match="does its place belong"):
-        tied(cameras(), wrong)
+        tie(cameras(), wrong)
     with pytest.raises(InputError, match="does not lie on the ground"):
-        tied(cameras(), replace(points(rng), uv=np.full((5, 2), -900.0)))
+        tie(cameras(), replace(points(rng), uv=np.full((5, 2), -900.0)))
 
 
 def site_of(folder, anchor) -> Site:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from alignment.maps import MAIN, STREETS, lines, traffic, truth
-from scene4d.alignment._anchors import Anchored, tied
+from alignment.maps import MAIN, STREETS, lines, tie, traffic, truth
+from scene4d.alignment._anchors import Anchored
 from scene4d.alignment._lines import on_lines
 from scene4d.core.calibration import Calibration
 from scene4d.core.placement import Placement
@@ -109,7 +109,7 @@ def test_a_site_is_moved_onto_the_map_whole():
         "blind": Anchored(KNOWN, Placement.undetermined("shares nobody"), None, True),
     }
     on_map = Anchors("earth", lines=lines(), latitude_deg=53.0, longitude_deg=-1.0)
-    found, anchor, _ = tied(cameras, on_map)
+    found, anchor, _ = tie(cameras, on_map)
     assert anchor and anchor.latitude_deg == 53.0
     for name, expected in {"west": true, "east": inner.then(true), "alone": true}.items():
         z = step(found[name], expected) / np.sqrt(np.diag(found[name].covariance)[:4])
@@ -118,6 +118,6 @@ def test_a_site_is_moved_onto_the_map_whole():
     assert not found["blind"]
     straight = Anchors("earth", lines=lines(WEST), latitude_deg=53.0, longitude_deg=-1.0)
     cameras = {"west": Anchored(KNOWN, inner, traffic(rng, true, (WEST,)), True)}
-    same, anchor, _ = tied(cameras, straight)
+    same, anchor, _ = tie(cameras, straight)
     assert not anchor and "slides" in anchor.reason
     assert same["west"] is inner

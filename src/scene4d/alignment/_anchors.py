@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.alignment._lines import SCALE_SIGMA, on_lines
-from scene4d.alignment._paths import error_modes
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.geometry import rigid_fit
@@ -17,6 +16,7 @@ from scene4d.core.text import nearest
 from scene4d.core.tracks import Tracks
 from scene4d.formats.anchors import Anchors
 from scene4d.store.regrounding import in_site
+from scene4d.store.site_errors import SiteErrors
 from scene4d.store.site_file import SiteAnchor
 
 _SIGMA_M = {"earth": 1.0, "plan": 0.2, "cameras": 0.1}
@@ -55,87 +55,93 @@ class _Points:
 
 
 def tied(
-    cameras: Mapping[str, Anchored], anchors: Anchors
-) -> tuple[dict[str, Placement], SiteAnchor, Placement]:
-    """Placements in the anchors' frame, of cameras that only an anchor places too, and where the
-    site's frame so far lies in it.
+    cameras: Mapping[str, Anchored], anchors: Anchors, errors: SiteErrors
+) -> tuple[dict[str, Placement], SiteAnchor, SiteErrors]:
+    """Placements in the anchors' frame, of cameras that only an anchor places too, and what all
+    err by together there; ``errors`` is that of the cameras which have a place before.
 
     Lines of a map may leave it undetermined, which the anchor says; all stays as it is then.
     Raises :class:`InputError` for a camera that is not there, a pixel that does not lie on the
     ground, fewer than two points for the whole site, and points that contradict each other.
     """
+    before = {name: one.placement for name, one in cameras.items()}
     if anchors.lines:
-        return _kept_to(cameras, anchors)
+        frame, own = _kept_to(cameras, anchors, errors)
+        residuals: list[float] = []
+    else:
+        frame, own, residuals = _by_points(cameras, anchors)
+    if frame is not None and not frame:
+        return before, SiteAnchor("earth", reason=frame.reason), errors
+    found = {name: one.then(frame) if one and frame else one for name, one in before.items()} | own
+    errors = errors if frame is None else errors.then(frame, before)
+    for name in [name for name, one in own.items() if one]:
+        errors = errors.beside(SiteErrors.alone(name, own[name], cameras[name].calibration))
+    if not any(found.values()):
+        return (
+            found,
+            SiteAnchor(anchors.kind, reason=str(next(iter(found.values())).reason)),
+            errors,
+        )
+    place = anchors.latitude_deg, anchors.longitude_deg
+    return found, SiteAnchor(anchors.kind, tuple(residuals), *place), errors
+
+
+def _by_points(
+    cameras: Mapping[str, Anchored], anchors: Anchors
+) -> tuple[Placement | None, dict[str, Placement], list[float]]:
+    """Where the site lies by points, the places of cameras that only points tell, and how far each
+    point is from where all put it.
+    """
     _check_names(cameras, anchors)
     points = {name: _points_of(name, one, anchors) for name, one in cameras.items()}
     placed = [name for name, one in cameras.items() if one.placement]
     together = _joined([_in_site(points[name], cameras[name].placement) for name in placed])
-    found: dict[str, Placement] = {name: one.placement for name, one in cameras.items()}
-    residuals: list[float] = []
-    frame = Placement.identity()
+    frame, residuals = None, list[float]()
     if placed and _spread(together) >= _LEAST_SPREAD_M:
-        frame, residual = _fit(together, _SIGMA_M[anchors.kind])
-        residuals += residual
-        found |= {name: cameras[name].placement.then(frame) for name in placed}
+        frame, residuals = _fit(together, _SIGMA_M[anchors.kind])
     elif placed:
         raise InputError(
             f"anchor: {len(together)} points of the cameras {', '.join(placed)} do not tie the "
             "site; give two or more, far apart"
         )
+    own = {}
     for name, one in cameras.items():
         if not one.placement and _spread(points[name]) >= _LEAST_SPREAD_M:
-            own, residual = _fit(points[name], _SIGMA_M[anchors.kind])
+            place, residual = _fit(points[name], _SIGMA_M[anchors.kind])
             residuals += residual
-            found[name] = _by_clock(own, one)
-    anchor = SiteAnchor(anchors.kind, tuple(residuals), anchors.latitude_deg, anchors.longitude_deg)
-    return found, anchor, frame
+            own[name] = _by_clock(place, one)
+    return frame, own, residuals
 
 
 def _kept_to(
-    cameras: Mapping[str, Anchored], anchors: Anchors
-) -> tuple[dict[str, Placement], SiteAnchor, Placement]:
-    """Moved over a map so that tracks keep to its lines."""
-    found = {name: one.placement for name, one in cameras.items()}
+    cameras: Mapping[str, Anchored], anchors: Anchors, errors: SiteErrors
+) -> tuple[Placement | None, dict[str, Placement]]:
+    """Where the site lies if tracks keep to the lines of a map, and cameras that share nobody."""
     told = {name: one.tracks for name, one in cameras.items() if one.tracks is not None}
-    placed = [name for name in told if found[name]]
-    anchor = SiteAnchor("earth", (), anchors.latitude_deg, anchors.longitude_deg)
-    frame = Placement.identity()
+    placed = [name for name in told if cameras[name].placement]
+    frame = None
     if placed:
+        seen = [in_site(told[name], cameras[name].placement) for name in placed]
         frame = on_lines(
-            [in_site(told[name], found[name]) for name in placed],
-            _apart([_modes(told[name], cameras[name]) for name in placed]),
-            anchors.lines,
+            seen, [_modes(told[k], k, cameras[k], errors) for k in placed], anchors.lines
         )
         if not frame:
-            return found, SiteAnchor("earth", reason=frame.reason), Placement.identity()
-        found |= {name: one.then(frame) for name, one in found.items() if one}
-    for name in [name for name in told if not found[name]]:
-        one = cameras[name]
-        own = on_lines([told[name]], [_modes(told[name], one)], anchors.lines)
-        found[name] = _by_clock(own, one) if own else _beside(one.placement, own)
-    if not any(found.values()):
-        anchor = SiteAnchor("earth", reason=str(next(iter(found.values())).reason))
-    return found, anchor, frame
+            return frame, {}
+    own = {}
+    for name in [name for name in told if name not in placed]:
+        one = replace(cameras[name], placement=Placement.identity())
+        alone = SiteErrors.alone(name, one.placement, one.calibration)
+        place = on_lines([told[name]], [_modes(told[name], name, one, alone)], anchors.lines)
+        before = cameras[name].placement
+        own[name] = _by_clock(place, one) if place else _beside(before, place)
+    return frame, own
 
 
-def _modes(tracks: Tracks, one: Anchored) -> Float[np.ndarray, "n 2 r"]:
-    """How the errors of a camera and of its place in the site move its tracks there."""
-    modes = error_modes(one.calibration, np.nan_to_num(tracks.xy_m))
-    if not one.placement:
-        return modes
-    size, axes = np.linalg.eigh(one.placement.covariance)
-    by_place = one.placement.point_jacobian(tracks.xy_m) @ (axes * np.sqrt(np.maximum(size, 0)))
-    return np.concatenate([one.placement.linear @ modes, by_place], axis=2)
-
-
-def _apart(modes_m: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Each camera's modes in columns of their own."""
-    size = modes_m[0].shape[2]
-    total = size * len(modes_m)
-    return [
-        np.pad(modes, ((0, 0), (0, 0), (k * size, total - (k + 1) * size)))
-        for k, modes in enumerate(modes_m)
-    ]
+def _modes(
+    tracks: Tracks, name: str, one: Anchored, errors: SiteErrors
+) -> Float[np.ndarray, "n 2 r"]:
+    """How the site's errors move a camera's tracks there."""
+    return np.nan_to_num(errors.modes_m(name, one.placement, one.calibration, tracks.xy_m))
 
 
 def _beside(placement: Placement, lines: Placement) -> Placement:

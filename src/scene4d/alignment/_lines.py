@@ -88,11 +88,10 @@ def on_lines(
     if not len(ways.xy_m):
         return Placement.undetermined("nobody walks or drives who keeps to the lines of the map")
     starts = _starts(ways, maps)
-    around = _around(ways.xy_m)
     few = ways.select(_spread_out(len(ways.xy_m), _THINNED))
-    moved = different([_moved(few, maps, one) for one in starts], around, _APART)
+    moved = different([_moved(few, maps, one) for one in starts], ways.xy_m, _APART)
     found = [_moved(ways, maps, one) for one in moved[:3]]
-    found = different(found, around, _APART)
+    found = different(found, ways.xy_m, _APART)
     best = _Solved.at(ways, maps, found[0].parameters)
     reason = best.untold(ways) or _rivalled(best, found)
     return Placement.undetermined(reason) if reason else best.placement()
@@ -224,7 +223,7 @@ def _starts(ways: _Ways, maps: _Maps) -> list[Fit]:
             shift = low + cell * cells - turn @ middle
             values = np.array([*shift, heading, 0.0, 0.0])
             found.append(Fit(values, float(score.flat[flat])))
-    return different(found, _around(ways.xy_m), 1.0)[:_MOVED]
+    return different(found, ways.xy_m)[:_MOVED]
 
 
 def _bin(along: np.ndarray) -> np.ndarray:
@@ -247,13 +246,6 @@ def _layers(one: _Map, low: np.ndarray, cell: float, size: tuple[int, int]) -> l
         far = distance_transform_edt(free) * cell if away.any() else np.full(size, np.inf)
         found.append(np.exp(-((far / wide) ** 2) / 2).astype(np.float32))
     return found
-
-
-def _around(xy: np.ndarray) -> Float[np.ndarray, "4 2"]:
-    """Four points that span where people are."""
-    corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    points: np.ndarray = xy.mean(axis=0) + corners * xy.std(axis=0)
-    return points
 
 
 @dataclass(frozen=True, eq=False)

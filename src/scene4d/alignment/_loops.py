@@ -8,6 +8,7 @@ import numpy as np
 
 from scene4d.alignment._factor import Factor
 from scene4d.alignment._pairs import Link
+from scene4d.core.placement import Placement
 
 _LOOP_GATE = 23.5
 """99.99 % of chi-squared with four degrees of freedom: a loop further off holds a wrong pair."""
@@ -59,52 +60,34 @@ def _gap(one: Link, kept: Sequence[Link]) -> tuple[float, tuple[float, float, fl
     if chain is None:
         return None
     assert one.factor is not None
-    pose, covariance = _pose_of(one.factor)
-    other, beside = np.zeros(4), np.diag(_LOOP_FLOOR**2)
+    apart, other = _place_of(one.factor), _along(chain)
+    step = (apart.parameters - other.parameters)[_POSE]
+    step[2] = np.angle(np.exp(1j * step[2]))
+    spread = (apart.covariance + other.covariance)[np.ix_(_POSE, _POSE)]
+    q = float(step @ np.linalg.solve(spread + np.diag(_LOOP_FLOOR**2), step))
+    return q, (float(np.hypot(*step[:2])), float(abs(step[2])), float(abs(step[3])))
+
+
+_POSE = [0, 1, 2, 4]
+"""A place without its scale."""
+
+
+def _place_of(factor: Factor) -> Placement:
+    values, covariance = factor.alone()
+    slopes = np.zeros((5, len(values)))
+    slopes[:3, :3] = np.eye(3)
+    slopes[4, 3], slopes[4, 4] = 1.0, -factor.epoch_s
+    return Placement.from_parameters(slopes @ values, slopes @ covariance @ slopes.T)
+
+
+def _along(chain: Sequence[tuple[Link, bool]]) -> Placement:
+    """Where the end of a chain lies from its beginning."""
+    place = Placement.identity()
     for step, forward in chain:
         assert step.factor is not None
-        value, spread = _pose_of(step.factor)
-        if not forward:
-            value, spread = _turned_back(value, spread)
-        other, beside = _appended(other, beside, value, spread)
-    apart = pose - other
-    apart[2] = np.angle(np.exp(1j * apart[2]))
-    q = float(apart @ np.linalg.solve(covariance + beside, apart))
-    return q, (float(np.hypot(*apart[:2])), float(abs(apart[2])), float(abs(apart[3])))
-
-
-def _pose_of(factor: Factor) -> tuple[np.ndarray, np.ndarray]:
-    values, covariance = factor.alone()
-    pose = values[:4].copy()
-    pose[3] -= values[4] * factor.epoch_s
-    slopes = np.zeros((4, len(values)))
-    slopes[:, :4] = np.eye(4)
-    slopes[3, 4] = -factor.epoch_s
-    return pose, slopes @ covariance @ slopes.T
-
-
-def _appended(
-    pose: np.ndarray, spread: np.ndarray, step: np.ndarray, own: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """A pose, and one given in its frame, as one; the two err independently."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    turn = np.eye(4)
-    turn[:2, :2] = [[c, -s], [s, c]]
-    moved = turn @ step
-    by_pose = np.eye(4)
-    by_pose[:2, 2] = -moved[1], moved[0]
-    return pose + moved, by_pose @ spread @ by_pose.T + turn @ own @ turn.T
-
-
-def _turned_back(pose: np.ndarray, spread: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The first camera in the frame of the second."""
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    back = -np.eye(4)
-    back[:2, :2] = -np.array([[c, s], [-s, c]])
-    value = back @ pose
-    slopes = back.copy()
-    slopes[:2, 2] = value[1], -value[0]
-    return value, slopes @ spread @ slopes.T
+        found = _place_of(step.factor)
+        place = (found if forward else found.inverse()).then(place)
+    return place
 
 
 def _chain(a: int, b: int, links: Sequence[Link]) -> list[tuple[Link, bool]] | None:
@@ -125,17 +108,8 @@ def _chain(a: int, b: int, links: Sequence[Link]) -> list[tuple[Link, bool]] | N
 
 def chained(links: Sequence[Link], group: Sequence[int]) -> dict[int, np.ndarray]:
     """First poses of a group's cameras (x, y, heading, offset) along chains of pairs."""
-    poses = {}
-    for camera in group:
-        pose, spread = np.zeros(4), np.zeros((4, 4))
-        for step, forward in _chain(group[0], camera, links) or []:
-            assert step.factor is not None
-            value, own = _pose_of(step.factor)
-            if not forward:
-                value, own = _turned_back(value, own)
-            pose, spread = _appended(pose, spread, value, own)
-        poses[camera] = pose
-    return poses
+    chains = {camera: _chain(group[0], camera, links) or [] for camera in group}
+    return {camera: _along(chain).parameters[_POSE] for camera, chain in chains.items()}
 
 
 def groups_of(count: int, links: Sequence[Link]) -> list[list[int]]:

@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from scene4d.alignment._factor import Factor, Match, factor_of, matches
 from scene4d.alignment._hypotheses import hypotheses
@@ -157,30 +156,16 @@ def _candidates(
     """Different alignments with their scores, best first."""
     ballot = hypotheses(a, b, offsets_s)
     meetings = Meetings(*crowds, most=_SCANNED)
-    around = _around(b)
     voted = []
     for k in range(len(ballot)):
         values = [*ballot.shift_m[k], ballot.heading_rad[k], 0.0, ballot.offset_s[k]]
         voted.append(Fit(np.array(values, float), float(ballot.votes[k])))
     starts = [
         Fit(one.parameters, meetings.matching(one, _ROUGH).score)
-        for one in different(voted, around, _HALF)[:_COMPARED]
+        for one in different(voted, b.xy_m, _HALF)[:_COMPARED]
     ]
-    starts = different(starts, around)[:_FITTED]
-    return different([fitted(meetings, start) for start in starts], around)
-
-
-def _around(paths: Paths) -> Float[np.ndarray, "4 2"]:
-    """Four points that span where people are."""
-    middle, spread = paths.xy_m.mean(axis=0), paths.xy_m.std(axis=0)
-    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    points: np.ndarray = middle + corners * spread
-    return points
-
-
-def _apart(fit: Fit, other: Fit, around: Float[np.ndarray, "4 2"]) -> bool:
-    """Whether two alignments differ by what makes rivals."""
-    return len(different([fit, other], around)) > 1
+    starts = different(starts, b.xy_m)[:_FITTED]
+    return different([fitted(meetings, start) for start in starts], b.xy_m)
 
 
 def _accident(best: Fit, real: list[Fit], decoys: list[Fit]) -> float:
@@ -202,8 +187,8 @@ def _refusal(best: Fit, real: list[Fit], chance: float, b: Paths) -> str | None:
     """Why the best alignment is not to be believed, if so."""
     if best.score < _LEAST_SCORE:
         return _NOBODY
-    around = _around(b)
-    rivals = [f for f in real[1:] if f.score > best.score - _MARGIN and _apart(f, best, around)]
+    near = [fit for fit in real[1:] if fit.score > best.score - _MARGIN]
+    rivals = [fit for fit in near if len(different([fit, best], b.xy_m)) > 1]
     if rivals:
         return _in_words(best, rivals[0])
     return _NOBODY if chance > _ACCIDENT else None

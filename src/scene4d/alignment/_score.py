@@ -108,8 +108,12 @@ class Fit:
         return float(np.exp(self.parameters[3])) * np.array([[c, -s], [s, c]])
 
 
-def different(fits: list[Fit], around: Float[np.ndarray, "4 2"], share: float = 1.0) -> list[Fit]:
-    """Best first, without those that say the same as a better one."""
+def different(fits: list[Fit], xy_m: Float[np.ndarray, "n 2"], share: float = 1.0) -> list[Fit]:
+    """Best first, without those that put people at about the same places and times as a better one;
+    ``xy_m`` are where these are before they are mapped.
+    """
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    around = xy_m.mean(axis=0) + corners * xy_m.std(axis=0)
     fits = sorted(fits, key=lambda one: -one.score)
     where = np.array([fit.mapped(around) for fit in fits]).reshape(-1, 4, 2)
     when = np.array([fit.parameters[4] for fit in fits])

@@ -235,31 +235,29 @@ def _placed(
     return found
 
 
-def _errors(read: Sequence[_Read], solution: Solution | None) -> SiteErrors | None:
+def _errors(read: Sequence[_Read], solution: Solution | None) -> SiteErrors:
     """What the placed cameras err by together."""
     views = [one.view for one in read if one.view is not None]
-    return None if solution is None else errors_together(views, solution)
+    return SiteErrors.none() if solution is None else errors_together(views, solution)
 
 
 def _anchored(
-    cameras: Sequence[_Placed], anchors: Anchors, errors: SiteErrors | None
-) -> tuple[list[_Placed], SiteAnchor, SiteErrors | None]:
+    cameras: Sequence[_Placed], anchors: Anchors, errors: SiteErrors
+) -> tuple[list[_Placed], SiteAnchor, SiteErrors]:
     """The cameras in the frame of the anchors, with what they err by together."""
-    before = {one.name: one.placement for one in cameras}
-    known = {one.name: one.refined or one.read.calibration for one in cameras}
-    found, anchor, frame = tied(
+    found, anchor, errors = tied(
         {
             one.name: Anchored(
-                known[one.name], one.placement, one.own_tracks(), one.read.watched.start_known
+                one.refined or one.read.calibration,
+                one.placement,
+                one.own_tracks(),
+                one.read.watched.start_known,
             )
             for one in cameras
         },
         anchors,
+        errors,
     )
-    errors = None if errors is None else errors.then(frame, before)
-    for name in [name for name, place in found.items() if place and not before[name]]:
-        alone = SiteErrors.alone(name, found[name], known[name])
-        errors = alone if errors is None else errors.beside(alone)
     return [replace(one, placement=found[one.name]) for one in cameras], anchor, errors
 
 

@@ -33,6 +33,11 @@ class SiteErrors:
     covariance: Float[np.ndarray, "k k"]
 
     @classmethod
+    def none(cls) -> "SiteErrors":
+        """Of no camera."""
+        return cls((), np.zeros((0, 0)))
+
+    @classmethod
     def alone(cls, camera: str, placement: Placement, calibration: Calibration) -> "SiteErrors":
         """One camera whose place and calibration err independently."""
         covariance = np.zeros((_SIZE, _SIZE))
