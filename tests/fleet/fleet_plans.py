@@ -62,3 +62,14 @@ def results(store: Path) -> dict[str, bytes]:
     done = [json.loads(path.read_text())["path"] for path in (store / "done").glob("*.json")]
     files = (one for path in done for one in (store / path).rglob("*") if one.is_file())
     return {str(one.relative_to(store)): one.read_bytes() for one in files}
+
+
+def nothing_work(job, address):
+    """What workers do, with a stage that takes no time."""
+    stages._STAGES["track"] = _nothing
+    return stages.work(job, address)
+
+
+def _nothing(job, store, scratch, out):
+    (out / "seen.txt").write_text(job.key)
+    return 1.0

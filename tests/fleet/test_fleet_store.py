@@ -34,17 +34,25 @@ def s3(monkeypatch):
         "AWS_DEFAULT_REGION": "us-east-1",
     }.items():
         monkeypatch.setenv(name, value)
-    for _ in range(600):
-        try:
-            with urlopen(f"{url}/moto-api/"):
-                break
-        except (URLError, ConnectionError):
+    try:
+        until_s = time.monotonic() + 60
+        while not answers(f"{url}/moto-api/"):
+            assert server.poll() is None and time.monotonic() < until_s
             time.sleep(0.1)
-    files = fsspec.filesystem("s3", skip_instance_cache=True)
-    files.mkdir("city")
-    yield server, files
-    server.kill()
-    server.wait()
+        files = fsspec.filesystem("s3", skip_instance_cache=True)
+        files.mkdir("city")
+        yield server, files
+    finally:
+        server.kill()
+        server.wait()
+
+
+def answers(url: str) -> bool:
+    try:
+        with urlopen(url, timeout=10):
+            return True
+    except (URLError, OSError):
+        return False
 
 
 def test_a_store_on_s3_holds_what_a_folder_holds(s3, tmp_path):

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from scene4d.core.errors import OutputError
 from scene4d.fleet._stages import EVENTS
 from scene4d.fleet._store import Store
 from scene4d.fleet._tasks import Line
@@ -40,7 +41,10 @@ def _merged(parts: Sequence[str], path: str, store: Store, scratch: Path) -> dic
         return {"table": None, "events": 0, "best": []}
     with duckdb.connect() as connection:
         every = connection.read_parquet(tables, union_by_name=True).order(_ORDER)
-        every.write_parquet(str(scratch / EVENTS))
+        try:
+            every.write_parquet(str(scratch / EVENTS))
+        except duckdb.IOException as error:
+            raise OutputError(f"{scratch}: cannot be written: {error}") from error
         store.write_bytes(path, (scratch / EVENTS).read_bytes())
         table = connection.read_parquet(str(scratch / EVENTS))
         best = table.project(", ".join(_TOLD)).limit(_TOP).fetchall()

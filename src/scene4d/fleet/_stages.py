@@ -20,7 +20,7 @@ from scene4d.fleet._tasks import Job
 EVENTS = "events.parquet"
 _CAMERA = "camera.json"
 _SCRATCH = "scene4d-fleet-"
-_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EROFS})
+_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 _HERE = frozenset({OutputError.kind, UnavailableError.kind})
 """Kinds of failures that are not the clip's: the machine lacks something."""
 KILLED, LOST = "killed", "lost"
