@@ -52,12 +52,12 @@ class Alignment:
         return self.reason is None
 
     def to_dict(self) -> dict[str, Any]:
-        """Ready for ``json.dumps``: the cameras as in ``site.json``, the pairs, and counts."""
+        """Ready for ``json.dumps``: as ``site.json`` without ``errors``, the pairs, and counts."""
         known = self.site.identities
         cameras = known.cameras_each()
         return {
             "site": str(self.site.folder),
-            **{k: v for k, v in self.site.to_dict().items() if k != "schema"},
+            **{k: v for k, v in self.site.to_dict().items() if k not in ("schema", "errors")},
             "pairs": list(self.pairs),
             "tracks": len(known),
             "identities": len(cameras),
