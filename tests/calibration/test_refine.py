@@ -53,7 +53,7 @@ def mixed_problem(seed: int) -> tuple[Problem, State]:
     return problem, State(parameters, delta, noise, azimuth=0.6, drift=drift)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(SEED)
 def test_the_gradient_is_half_that_of_the_cost(seed):
     problem, state = mixed_problem(seed)

@@ -10,7 +10,7 @@ from scene4d.searching.activities.calibrated import ScoreCalibration
 METHODS = (Method("metres", "on the ground"), Method("pixels", "a < b"), Method("near", "P(near)"))
 NOTES = ("Tracks are annotated, not detected.", "Only actors of labelled activities are boxed.")
 CALIBRATION = ScoreCalibration(
-    np.array([0.0, 2.0]), np.array([0.1, 0.9]), ("G1", "G2"), 50, 150, 0.04, 0.3
+    np.array([0.0, 2.0]), np.array([0.1, 0.9]), ("G1", "G2"), 50, 150, 0.04, 0.3, "annotated"
 )
 
 

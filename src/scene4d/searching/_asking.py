@@ -12,7 +12,7 @@ from scene4d.core.text import nearest
 from scene4d.searching._places import Places, in_cameras, read_places
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._terms import places_of
-from scene4d.searching.activities.calibrated import calibration_of
+from scene4d.searching.activities.calibrated import ANNOTATED, DETECTED, calibration_of
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.search import LEAST_SCORE, MIN_SCORE
 from scene4d.searching.language import Query, Window, parse_query
@@ -82,9 +82,13 @@ class Asked:
     def least_score(self) -> float:
         """The lowest score of an event that is asked for: at least :data:`LEAST_SCORE`."""
         least, wanted = max(self.options.min_score, LEAST_SCORE), self.options.min_probability
-        known = [calibration_of(one) for one in self.query.activity.options]
         if wanted is None:
             return least
+        known = [
+            calibration_of(one, tracks)
+            for one in self.query.activity.options
+            for tracks in (ANNOTATED, DETECTED)
+        ]
         return max(least, min(one.least_score(wanted) for one in known if one is not None))
 
     def wants(self, event: Event) -> bool:
@@ -103,6 +107,8 @@ def understand(scene: Scene | Site, words: str, options: SearchOptions) -> Asked
     site = scene if isinstance(scene, Site) else None
     scene = scene.whole()[0] if isinstance(scene, Site) else scene
     query, named = words_of(words, options, scene.cameras)
+    if options.min_probability is not None:
+        check_calibrated(query, {tracks_of(run) for run in scene.runs})
     notes = [*query.notes, *_check_roles(scene, query), *_check_watched(scene, site, query)]
     if named.shared and len(scene.cameras) > 1 and site is None:
         notes.append(
@@ -148,14 +154,27 @@ def words_of(
     places = Places() if options.zones is None else read_places(Path(options.zones), cameras)
     catalogue = load_catalogue(*map(Path, options.catalogues))
     query = parse_query(words, catalogue, zones=places.names("zone"), lines=places.names("line"))
-    known = [calibration_of(one) for one in query.activity.options]
-    if options.min_probability is not None and None in known:
-        raise InputError(
-            f"min_probability: the scores of {query.text!r} are not calibrated, only those of some "
-            "activities of the catalogue as they stand there; min_score limits the score"
-        )
+    if options.min_probability is not None:
+        check_calibrated(query, (ANNOTATED, DETECTED))
     used = _used(query, places)
     return query, Places(tuple(place for place in places.all if place.name in used))
+
+
+def tracks_of(run: Run) -> str:
+    """Whose tracks a run holds."""
+    return ANNOTATED if "annotations" in run.provenance else DETECTED
+
+
+def check_calibrated(query: Query, kinds: Collection[str]) -> None:
+    """Raise where something is asked for that has no probability on such tracks."""
+    for one in query.activity.options:
+        if not any(calibration_of(one, tracks) for tracks in kinds):
+            whose = f" on {' or '.join(sorted(kinds))} tracks"
+            raise InputError(
+                f"min_probability: the scores of {query.text!r} are not calibrated{whose}, only "
+                "those of some activities of the catalogue as they stand there; min_score limits "
+                "the score"
+            )
 
 
 def _check_roles(scene: Scene, query: Query) -> list[str]:

@@ -12,8 +12,9 @@ from pathlib import Path
 from scene4d.core.errors import InputError
 from scene4d.core.files import write_json
 from scene4d.core.json_object import JsonObject
-from scene4d.searching._asking import SearchOptions, words_of
+from scene4d.searching._asking import SearchOptions, check_calibrated, words_of
 from scene4d.searching._places import Places
+from scene4d.searching.activities.calibrated import DETECTED
 from scene4d.searching.language import Query
 
 STANDING, ZONES = "standing.json", "zones.json"
@@ -72,6 +73,8 @@ def standing_query(
     Raises :class:`InputError` for what is not understood, or needs a memory of other times.
     """
     query, places = words_of(words, options, cameras)
+    if options.min_probability is not None:
+        check_calibrated(query, (DETECTED,))
     if query.activity.spots:
         raise InputError(
             f"{query.text!r}: where another one was is not remembered while watching; "

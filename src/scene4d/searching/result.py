@@ -71,9 +71,7 @@ class FoundEvent:
     def about_probability(self) -> str:
         """What its probability is of, or why there is none."""
         known = self.event.calibration
-        if known is None:
-            return _NOT_CALIBRATED
-        return known.note(annotated="annotations" in self.run.provenance)
+        return _NOT_CALIBRATED if known is None else known.note
 
     @property
     def about_spots(self) -> list[str]:

@@ -10,7 +10,7 @@ and no label is looked at.
 import re
 import tarfile
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
@@ -31,6 +31,7 @@ from scene4d.formats.cameras import read_calibration
 from scene4d.searching.activities.identity import unite_tracks, united_numbers
 from scene4d.searching.predicates.stage import Stage
 from scene4d.searching.stages import stage_of
+from scene4d.store.log import Look
 from scene4d.tracking import TrackOptions
 from scene4d.tracking.annotated import looks_of
 from scene4d.tracking.following import follow
@@ -104,9 +105,17 @@ class Clip:
         return np.array(spans, float).reshape(-1, 2) / _FPS
 
 
-def meva_clips(data: str | Path, cameras: Sequence[str], progress: Progress) -> list[Clip]:
+Detect = Callable[[Sequence[Look]], Sequence[Look]]
+"""What a detector makes of looks at true boxes: boxes without track numbers."""
+
+
+def meva_clips(
+    data: str | Path, cameras: Sequence[str], progress: Progress, detect: Detect | None = None
+) -> list[Clip]:
     """The clips of some cameras, in the order of their names.
 
+    With ``detect`` their tracks are not the annotated ones but those that our tracker makes of what
+    a simulated detector sees: labels keep their times, their actors are nobody's tracks.
     ``data`` holds ``cameras/*.krtd`` and the annotations, as ``annotations.tar.xz`` or unpacked in
     ``annotations/``. Raises :class:`InputError` for what is missing and what cannot be read.
     """
@@ -127,7 +136,7 @@ def meva_clips(data: str | Path, cameras: Sequence[str], progress: Progress) -> 
             clips = [
                 clip
                 for camera in cameras
-                for clip in _clips(camera, published[camera], files[camera], step)
+                for clip in _clips(camera, published[camera], files[camera], step, detect)
             ]
     return sorted(clips, key=lambda clip: clip.name)
 
@@ -151,7 +160,11 @@ def _annotations(folder: Path) -> Iterator[Path]:
 
 
 def _clips(
-    camera: str, published: Calibration, files: Sequence[Path], step: Advance
+    camera: str,
+    published: Calibration,
+    files: Sequence[Path],
+    step: Advance,
+    detect: Detect | None,
 ) -> Iterator[Clip]:
     """The clips of one camera; ``step`` is called for each file read and each clip made."""
     annotated = []
@@ -161,7 +174,8 @@ def _clips(
         step(1)
     ground = local_ground(camera, published, annotated)
     for path, found in zip(files, annotated, strict=True):
-        yield _clip(path, found, ground)
+        clip = _clip(path, found, ground)
+        yield clip if detect is None else _detected(clip, found, detect)
         step(1)
 
 
@@ -183,12 +197,24 @@ def _clip(path: Path, annotated: Detections, ground: Ground) -> Clip:
     )
 
 
-def _followed(annotated: Detections, ground: Ground) -> Tracks:
-    """What ``scene4d track --annotations`` writes into a scene, ordered by (track, time)."""
+def _detected(clip: Clip, annotated: Detections, detect: Detect) -> Clip:
+    """The clip with the tracks of what a detector sees of its objects, one box each."""
+    number = np.array([clip.united.get(track, track) for track in annotated.track.tolist()], int)
+    _, first = np.unique(np.column_stack([annotated.frame, number]), axis=0, return_index=True)
+    true = replace(annotated, track=number).select(first)
+    tracks = _followed(true, clip.ground, detect)
+    return replace(clip, stage=stage_of(tracks, clip.ground.calibration))
+
+
+def _followed(annotated: Detections, ground: Ground, detect: Detect | None = None) -> Tracks:
+    """What ``scene4d track --annotations`` writes into a scene, or ``scene4d track`` with a
+    detector, ordered by (track, time).
+    """
     found, _ = known_classes(annotated)
-    looks = looks_of(found.select(np.lexsort([found.track, found.frame])), _RATE_HZ, _FPS)
-    height_m = ground.calibration.person_height_m
-    tracks = Tracks.concatenate([*follow(looks, ground.calibration, height_m, trusted=True)])
+    looks = [*looks_of(found.select(np.lexsort([found.track, found.frame])), _RATE_HZ, _FPS)]
+    seen = looks if detect is None else detect(looks)
+    height_m, trusted = ground.calibration.person_height_m, detect is None
+    tracks = Tracks.concatenate([*follow(seen, ground.calibration, height_m, trusted=trusted)])
     return tracks.select(np.lexsort([tracks.time_s, tracks.track]))
 
 

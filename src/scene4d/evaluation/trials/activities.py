@@ -29,7 +29,7 @@ from scene4d.evaluation.trials._ways import (
     label_length_s,
     ranked,
 )
-from scene4d.searching.activities.calibrated import ScoreCalibration, calibration_of
+from scene4d.searching.activities.calibrated import ANNOTATED, ScoreCalibration, calibration_of
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.activities.search import MIN_SCORE
@@ -256,7 +256,7 @@ def _tried(
     for name, activity in activities.items():
         events = seen[settings[name]].events(activity, label_length_s(tuned, activity))
         own = {method.setting: settings[name]} if method.setting else {}
-        known = calibration_of(activity) if method == OURS else None
+        known = calibration_of(activity, ANNOTATED) if method == OURS else None
         found = None if events is None else tuple(events)
         out.append(ActivityOutcome(method.name, name, found, own, known))
     return out

@@ -1,8 +1,9 @@
 """Scores as probabilities: what share of the events of a score were labelled, where it is known.
 
 ``calibrated.json`` holds it for each activity with enough labels, written by
-``python -m benchmarks.score_calibration --write`` from the tuning cameras. It belongs to the
-activity's phases: where anything of them is said differently, nothing is known.
+``python -m benchmarks.score_calibration --write`` from the tuning cameras: for annotated tracks,
+and for those that our tracker makes of the same boxes as a detector would see them, simulated. It
+belongs to the activity's phases: where anything of them is said differently, nothing is known.
 """
 
 import hashlib
@@ -19,6 +20,8 @@ from scene4d.searching.activities._terms import term_text
 from scene4d.searching.activities.definition import Activity
 
 FILE = "calibrated.json"
+ANNOTATED, DETECTED = "annotated", "detected"
+"""Whose tracks are searched; each is a table of the file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +30,8 @@ class ScoreCalibration:
 
     ``labels`` and ``events`` are how many it was counted over, ``cameras`` where;
     ``expected_error`` is the expected calibration error on cameras left out, one by one, and
-    ``precision`` the share of right events among those that a search shows by default.
+    ``precision`` the share of right events among those that a search shows by default. ``tracks``
+    are :data:`ANNOTATED` or :data:`DETECTED`.
     """
 
     score: Float[np.ndarray, "k"]
@@ -37,6 +41,7 @@ class ScoreCalibration:
     events: int
     expected_error: float
     precision: float
+    tracks: str
 
     def at(self, score: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
         """Probabilities of events with these scores."""
@@ -50,26 +55,27 @@ class ScoreCalibration:
         at = slice(max(int(reached[0]) - 1, 0), int(reached[0]) + 1)
         return float(np.interp(probability, self.probability[at], self.score[at]))
 
-    def note(self, *, annotated: bool) -> str:
-        """What the probability is of, and how good, for tracks that are ``annotated`` as those
-        that it was counted on, or a detector's.
-        """
-        there = (
-            f"probability: the share of right events at this score on annotated tracks, those of "
-            f"MEVA's {' and '.join(self.cameras)} ({self.labels} labels; off by "
-            f"{self.expected_error:.2f} on a camera left out)"
-        )
-        if annotated:
-            return there
+    @property
+    def note(self) -> str:
+        """What the probability is of, and how good."""
+        where = f"MEVA's {' and '.join(self.cameras)}"
+        whose = f"annotated tracks, those of {where}"
+        if self.tracks == DETECTED:
+            whose = (
+                f"tracks of a simulated detector that errs as ours does on PETS 2009, at {where}, "
+                "where only who acts was annotated: of a street with others about fewer are right"
+            )
         return (
-            f"{there}; these are a detector's tracks, for which nothing is calibrated: of their "
-            "events fewer are right"
+            f"probability: the share of right events at this score on {whose} ({self.labels} "
+            f"labels; off by {self.expected_error:.2f} on a camera left out)"
         )
 
 
-def calibration_of(activity: Activity) -> ScoreCalibration | None:
-    """That of the scores of an activity; None where nothing was counted for its phases."""
-    return _all().get(fingerprint(activity))
+def calibration_of(activity: Activity, tracks: str) -> ScoreCalibration | None:
+    """That of the scores of an activity on such tracks; None where nothing was counted for its
+    phases.
+    """
+    return _all()[tracks].get(fingerprint(activity))
 
 
 def fingerprint(activity: Activity) -> str:
@@ -84,8 +90,13 @@ def fingerprint(activity: Activity) -> str:
 
 
 @cache
-def _all() -> dict[str, ScoreCalibration]:
+def _all() -> dict[str, dict[str, ScoreCalibration]]:
     text = resources.files(__package__).joinpath(FILE).read_text("utf-8")
+    tables = json.loads(text)
+    return {tracks: _table(tables[tracks], tracks) for tracks in (ANNOTATED, DETECTED)}
+
+
+def _table(found: dict[str, Any], tracks: str) -> dict[str, ScoreCalibration]:
     return {
         one["fingerprint"]: ScoreCalibration(
             np.array(one["score"]),
@@ -95,6 +106,7 @@ def _all() -> dict[str, ScoreCalibration]:
             one["events"],
             one["expected_error"],
             one["precision"],
+            tracks,
         )
-        for one in json.loads(text)["activities"].values()
+        for one in found.values()
     }

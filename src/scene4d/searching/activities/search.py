@@ -19,7 +19,7 @@ from scene4d.searching.activities._events import (
 from scene4d.searching.activities._evidence import Evidence, gather, played_by_several, promising
 from scene4d.searching.activities._related import align_related
 from scene4d.searching.activities._terms import value_of
-from scene4d.searching.activities.calibrated import calibration_of
+from scene4d.searching.activities.calibrated import ANNOTATED, DETECTED, calibration_of
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.predicates._registry import PREDICATES, Predicate
 from scene4d.searching.predicates.stage import Stage
@@ -95,7 +95,7 @@ def judge(
         symmetric=is_symmetric(activity, predicates),
         crowd_m=_crowd_reach_m(activity, predicates),
     )
-    calibration = calibration_of(activity)
+    calibration = calibration_of(activity, DETECTED if stage.everybody else ANNOTATED)
     events = [replace(event, calibration=calibration) for event in events]
     return Judged(events, len(casts.first))
 
