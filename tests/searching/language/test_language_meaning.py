@@ -182,6 +182,14 @@ def test_there_is_the_zone_named_last_and_who_runs_into_it_runs():
         parsed("a person stands there")
 
 
+def test_what_both_do_is_not_read_of_the_last():
+    for said in ("a person in the entrance and a car near the door stop",
+                 "a person in the entrance and a car stop"):  # fmt: skip
+        with pytest.raises(InputError, match="of both, or of the last"):
+            parsed(said)
+    parsed("a person in the entrance and a car stops")
+
+
 def test_two_who_differ_do_so_at_the_same_time():
     query = parsed("a person walks to a car and another person stands beside it")
     assert len(query.activity.phases) == 1

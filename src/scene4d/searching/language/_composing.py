@@ -6,6 +6,7 @@ from typing import Any
 
 from scene4d.searching.language._discourse import Discourse
 from scene4d.searching.language._doing import activity_of
+from scene4d.searching.language._lexicon import base_forms
 from scene4d.searching.language._pieces import (
     Piece,
     choose,
@@ -91,10 +92,35 @@ def _steps(chain: Chain, discourse: Discourse) -> list[Piece]:
 def _joined(joined: Joined, discourse: Discourse) -> Piece:
     whole = _clause(joined.clauses[0], discourse)
     begin = _span(joined.clauses[0])[0]
-    for clause, link in zip(joined.clauses[1:], joined.links, strict=True):
+    for before, clause, link in zip(joined.clauses, joined.clauses[1:], joined.links, strict=False):
+        _check_agreement(options_of(before)[0], options_of(clause)[0], discourse)
         piece = _clause(clause, discourse)
         whole = _together(whole, piece, link, (begin, _span(clause)[1]), discourse)
     return whole
+
+
+def _check_agreement(first: Clause, second: Clause, discourse: Discourse) -> None:
+    """Refuse "a person in zone A and a car stop": of both is meant what is read of one."""
+    has_verb = first.core is not None and not (
+        isinstance(first.core, Said) and not first.core.is_verb
+    )
+    nouns = second.subjects
+    if has_verb or first.polarity.is_state or first.polarity.is_denied or len(nouns) != 1:
+        return
+    verb = discourse.text[nouns[0].span[1] : second.span[1]].split()[:1]
+    is_plural = verb in (["are"], ["have"], ["do"]) or (verb and _is_base(verb[0], discourse))
+    if is_plural and nouns[0].article in ("indefinite", "definite") and not nouns[0].is_plural:
+        raise discourse.refuse(first.span, "of both, or of the last? Say each in full")
+
+
+def _is_base(word: str, discourse: Discourse) -> bool:
+    """Whether a verb is in the form that several have: "a car and a truck stop"."""
+    lexicon = discourse.lexicon
+    verbs = [w for entry in lexicon.verbs.values() for w in entry.words]
+    verbs += [w for entry in lexicon.states for w in entry.verb]
+    return word.casefold() in {w.split()[0] for w in verbs if w[0] not in "{$"} and not base_forms(
+        word.casefold()
+    )
 
 
 def _together(first: Piece, second: Piece, link: str, span: Span, discourse: Discourse) -> Piece:
