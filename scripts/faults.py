@@ -13,6 +13,7 @@ import json
 import random
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -32,12 +33,12 @@ from walks import CAMERA, write_video  # noqa: E402
 CHILD = """
 import sys
 sys.path[:0] = {paths!r}
-import datetime, time
+import datetime, signal, time
 if {clock_s}:
-    began, wall, wall_ns = time.monotonic(), time.time, time.time_ns
-    jump = lambda: {clock_s} if time.monotonic() - began > 6 else 0
-    time.time = lambda: wall() + jump()
-    time.time_ns = lambda: wall_ns() + int(jump() * 1e9)
+    ahead_s, wall, wall_ns = [0.0], time.time, time.time_ns
+    signal.signal(signal.SIGUSR1, lambda *_: ahead_s.append({clock_s}))
+    time.time = lambda: wall() + ahead_s[-1]
+    time.time_ns = lambda: wall_ns() + int(ahead_s[-1] * 1e9)
     class Jumping(datetime.datetime):
         @classmethod
         def now(cls, tz=None):
@@ -226,7 +227,11 @@ def jump_clock(place: Path) -> None:
     for jump_s in (3600.0, -3600.0):
         scene = place / f"clock{jump_s:.0f}"
         process = started(["watch", video, "--camera", camera, "--out", scene], clock_s=jump_s)
-        time.sleep(12)
+        until_s = time.monotonic() + 120
+        while not count_runs(scene) and time.monotonic() < until_s:
+            time.sleep(0.1)
+        process.send_signal(signal.SIGUSR1)
+        time.sleep(4)
         process.terminate()
         _, said = process.communicate(timeout=60)
         check(process.returncode in (0, 130), f"watch with a jump of {jump_s} s: {said}")
