@@ -352,3 +352,10 @@ def test_what_becomes_so_becomes_so_for_both_and_is_not_denied():
     for said in ("person doesn't stop", "person talks to three people"):
         with pytest.raises(InputError):
             parsed(said)
+
+
+def test_who_was_somewhere_is_read_of_the_event_and_said_so():
+    was, is_so = (parsed(f"a person who {word} near a car runs") for word in ("was", "is"))
+    assert was.predicates == is_so.predicates
+    assert any('"who was near a car"' in note and "then" in note for note in was.notes)
+    assert not any("then" in note for note in is_so.notes)

@@ -88,8 +88,11 @@ class NounReader(TimeReader):
         said = tuple(self._taken(options_of(one)) for one in relations)
         return replace(noun, relatives=(*noun.relatives, *said), span=span_of(meta))
 
-    def relative(self, _meta: Any, children: list) -> tuple:
+    def relative(self, meta: Any, children: list) -> tuple:
         polarity = first_of(children, Polarity)
+        words = self._said_at(span_of(meta))
+        if re.search(r"\b(was|were|had)\b", words, re.IGNORECASE):
+            self.notes.append(f'"{words}" is read of the time of the event; say "then" for earlier')
         said = [self._taken(options_of(child)) for child in all_of(children, Said, Choice)]
         if polarity and polarity.is_denied:
             said[0] = opposite(said[0])
