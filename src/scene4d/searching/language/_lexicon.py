@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache
 from importlib.resources import files
-from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import yaml
@@ -160,7 +158,9 @@ def _dictionary() -> tuple[list[str], dict[str, int], dict[str, list[str]]]:
     """Its lines, those of a word one after the other; the first line of each word; and the lines
     that override others. LemmInflect itself takes ten times as long to read them.
     """
-    folder = Path(str(find_spec("lemminflect").origin)).parent / "resources"  # type: ignore[union-attr]
+    import lemminflect
+
+    folder = files(lemminflect) / "resources"
     packed = (folder / "lemma_lu.csv.gz").read_bytes()
     lines = gzip.decompress(packed).decode().splitlines()
     words = [line.partition(",")[0] for line in reversed(lines)]
