@@ -11,6 +11,7 @@ from urllib.request import urlopen
 import duckdb
 import fsspec
 import pytest
+import s3fs
 from fleet_plans import boxes, plan, results
 
 from scene4d.core.errors import InputError, OutputError, UnavailableError
@@ -32,8 +33,10 @@ def s3(monkeypatch):
         "AWS_ACCESS_KEY_ID": "nobody",
         "AWS_SECRET_ACCESS_KEY": "nothing",
         "AWS_DEFAULT_REGION": "us-east-1",
+        "AWS_MAX_ATTEMPTS": "1",
     }.items():
         monkeypatch.setenv(name, value)
+    monkeypatch.setattr(s3fs.S3FileSystem, "retries", 1)  # for a server that is gone, seconds
     try:
         until_s = time.monotonic() + 60
         while not answers(f"{url}/moto-api/"):
