@@ -10,6 +10,7 @@ is not so. On two cores 20 kills of each take about six minutes.
 
 import argparse
 import json
+import os
 import random
 import resource
 import shutil
@@ -68,6 +69,7 @@ def started(words: list, *, clock_s: float = 0.0, bytes_each: int | None = None)
         stderr=subprocess.PIPE,
         text=True,
         preexec_fn=limited,
+        env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},  # which would be cut off there too
     )
 
 
