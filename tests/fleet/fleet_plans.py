@@ -5,6 +5,7 @@ import os
 import signal
 import time
 from pathlib import Path
+from unittest.mock import patch
 
 from scene4d.fleet import _stages as stages
 from walks import CAMERA, FPS, mot_text
@@ -40,8 +41,8 @@ def plan(folder: Path, *more: str, camera: str = "camera.json") -> Path:
 
 def tiny_work(job, address):
     """What workers do, with a stage that takes a moment and tells who did it."""
-    stages._STAGES["track"] = _tiny
-    return stages.work(job, address)
+    with patch.dict(stages._STAGES, track=_tiny):
+        return stages.work(job, address)
 
 
 def _tiny(job, store, scratch, out):
@@ -66,8 +67,8 @@ def results(store: Path) -> dict[str, bytes]:
 
 def nothing_work(job, address):
     """What workers do, with a stage that takes no time."""
-    stages._STAGES["track"] = _nothing
-    return stages.work(job, address)
+    with patch.dict(stages._STAGES, track=_nothing):
+        return stages.work(job, address)
 
 
 def _nothing(job, store, scratch, out):

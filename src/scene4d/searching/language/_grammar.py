@@ -76,13 +76,12 @@ class Grammar:
         if self._last and self._last[-1][0].issuperset(terminals):
             return self._last[-1][1]
         there = set(terminals)
-        waiting = list(self.rules.rule_defs)
-        while True:
-            usable = [rule[0] for rule in waiting if _can_be_said(rule[2], there)]
-            if not usable:
-                break
-            there.update(usable)
-            waiting = [rule for rule in waiting if rule[0] not in there]
+        waiting, before = self.rules.rule_defs[::-1], -1  # what a rule is made of stands below it
+        while len(there) > before:
+            before = len(there)
+            for name, _, tree, _ in waiting:
+                if name not in there and _can_be_said(tree, there):
+                    there.add(name)
         if "start" not in there:  # these words alone make no search
             raise UnexpectedEOF([])  # type: ignore[no-untyped-call]
         rules = [
