@@ -11,6 +11,7 @@ cache after the first run. The month is that day thirty times, with its dates an
 import argparse
 import importlib.util
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -134,14 +136,23 @@ def ran(command: Sequence[str | Path], repeats: int) -> Ran:
 def _once(command: Sequence[str | Path]) -> Ran:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "used.json"
+        environment = os.environ | {"PYTHONPYCACHEPREFIX": _compiled().name}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)
         launched = subprocess.run(
             [sys.executable, "-S", LAUNCHER, file, *command],
+            env=environment,
             check=True,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             text=True,
         )
         return Ran(*json.loads(file.read_text()), launched.stdout)
+
+
+@cache
+def _compiled() -> tempfile.TemporaryDirectory:
+    """Where processes keep compiled modules, as where users install, until this one ends."""
+    return tempfile.TemporaryDirectory(prefix="scene4d-compiled-")
 
 
 def table(day: Day, repeats: int) -> Rows:
