@@ -165,7 +165,8 @@ def _weights(
     if known is not None:
         information[~known] = 0.0
     total = np.add.reduceat(information, first, axis=0)
-    some = np.linalg.det(total) > 0
+    with np.errstate(invalid="ignore"):  # where nothing is known of one: the group has none
+        some = np.linalg.det(total) > 0
     total[~some] = np.eye(2)
     return np.linalg.inv(total)[group] @ information, some
 
