@@ -8,8 +8,6 @@ Needs PETS 2009 with its true camera (--data, $SCENE4D_DATA or ../shared/data) a
 group "bench". Close other programs first: busy cores change every time, and some of the ratios.
 """
 
-import argparse
-import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +15,7 @@ from benchmarks import (
     comparison,
     figures,
     growth,
+    options_of,
     peers,
     scenes,
     search,
@@ -26,7 +25,6 @@ from benchmarks import (
 from benchmarks.tables import Rows, machine, markdown, put
 from scene4d.evaluation import pets
 
-ROOT = Path(__file__).parents[1]
 SECTIONS = ("peers", "growth", "stages", "startup", "search")
 NEED_DATA = {"peers", "growth", "stages"}
 
@@ -129,13 +127,7 @@ def compare(report: Report, amount: Amount, case: scenes.Scene) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser = options_of(__doc__)
     parser.add_argument("--only", nargs="+", choices=SECTIONS, default=SECTIONS)
     parser.add_argument("--quick", action="store_true", help="little work, nothing to be written")
     parser.add_argument("--write", action="store_true", help="put the results into the page")

@@ -6,9 +6,7 @@ DIR holds pets2009/, towncentre/ and meva/ (by default $SCENE4D_DATA or ../share
 --write the tables replace what stands between the markers in docs/ablation.md.
 """
 
-import argparse
 import contextlib
-import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -17,6 +15,7 @@ from unittest import mock
 
 import numpy as np
 
+from benchmarks import ROOT, options_of
 from benchmarks.recordings import Recording, meva
 from scene4d.calibration import _body as body
 from scene4d.calibration import _joint as joint
@@ -35,7 +34,6 @@ from scene4d.formats.annotations import read_annotations
 from scene4d.video.frames import Frame, Source, Timeline
 from scene4d.video.reader import open_source
 
-ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "ablation.md"
 BEGIN, END = "<!-- ablation: begin -->", "<!-- ablation: end -->"
 MEVA_CAMERAS = ("G328", "G341", "G424", "G506")
@@ -383,9 +381,7 @@ def tables(data: Path) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    folder = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(folder))
+    parser = options_of(__doc__)
     parser.add_argument("--write", action="store_true", help="put the tables into docs/ablation.md")
     arguments = parser.parse_args()
     text = tables(arguments.data)

@@ -7,8 +7,6 @@ DIR holds pets2009/, towncentre/ and footage/ (by default $SCENE4D_DATA or ../sh
 those in README.md.
 """
 
-import argparse
-import os
 import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -18,6 +16,7 @@ from pathlib import Path
 import av
 import numpy as np
 
+from benchmarks import ROOT, options_of
 from benchmarks.recordings import Recording, lab
 from scene4d import calibrate
 from scene4d.calibration import CalibrateOptions
@@ -29,7 +28,6 @@ from scene4d.evaluation import PUBLISHED, Reference, pets, towncentre
 from scene4d.video.reader import open_source
 from scene4d.video.undistort import Undistorter
 
-ROOT = Path(__file__).parents[1]
 BEGIN, END = "<!-- accuracy: begin -->", "<!-- accuracy: end -->"
 
 
@@ -213,9 +211,7 @@ def replace_table(page: Path, text: str) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser = options_of(__doc__)
     parser.add_argument("--write", action="store_true", help="put the tables into the pages")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:

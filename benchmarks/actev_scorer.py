@@ -7,8 +7,6 @@ DIR holds meva/. The annotated clips of the cameras become a scene, `scene4d sea
 index. The scorer is looked for as ActEV_Scorer.py on the PATH; it needs packages of its own.
 """
 
-import argparse
-import os
 import shutil
 import subprocess
 import sys
@@ -17,13 +15,13 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks import options_of
 from scene4d.core.files import read_json, write_json
 from scene4d.evaluation._options import REPORTED
 from scene4d.formats.activities import ActevInstance, actev_json, read_activities
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.tracking import TrackOptions, track
 
-ROOT = Path(__file__).parents[1]
 FPS = 30.0
 MINUTES = 5
 PROTOCOL = "ActEV_SDL_V2"
@@ -74,9 +72,7 @@ def searched(annotations: Path, cameras: Path, names: Sequence[str], out: Path) 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    folder = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(folder))
+    parser = options_of(__doc__)
     parser.add_argument("--scorer", type=Path, default=shutil.which("ActEV_Scorer.py"))
     parser.add_argument("--camera", nargs="*", default=REPORTED)
     arguments = parser.parse_args()

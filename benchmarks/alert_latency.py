@@ -4,9 +4,7 @@ Street footage is played at real time and watched with the networks, with search
 on it, and a webhook on this machine. The table has the time from an event's end to its alert.
 """
 
-import argparse
 import json
-import os
 import tempfile
 import threading
 from datetime import UTC, datetime
@@ -15,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import options_of
 from benchmarks.tables import Rows, machine, markdown
 from scene4d import calibrate
 from scene4d.tracking import TrackOptions, watch
 
-ROOT = Path(__file__).parents[1]
 CLIPS = ("crosswalk_640x352_13s", "plaza_960x540_14s", "road_shadows_854x480_31s")
 SEARCHES = (
     "person stops",
@@ -80,9 +78,7 @@ def row(name: str, found: list[float], dropped: str) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.alert_latency", description=__doc__)
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser = options_of(__doc__)
     parser.add_argument("--rate", type=float, default=5.0)
     parser.add_argument("--rounds", type=int, default=1)
     asked = parser.parse_args()

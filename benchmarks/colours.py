@@ -11,7 +11,6 @@ naming more of them.
 
 import argparse
 import csv
-import os
 from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks import DATA
 from benchmarks.tables import markdown
 from scene4d.core.boxes import iou
 from scene4d.core.colours import NAMES, PARTS, colour_probability
@@ -29,7 +29,6 @@ from scene4d.perception.vehicles import VehicleTracker
 from scene4d.tracking._colours import Colours
 from scene4d.video.reader import open_source
 
-ROOT = Path(__file__).parents[1]
 BY_EYE = Path(__file__).with_name("colours_by_eye.csv")
 RATE_HZ, LONGEST_S, LEAST_S = 5.0, 14.0, 1.5
 SHEET_PX, PICTURES, LEAST_PX = 150, 3, 30.0
@@ -203,8 +202,7 @@ def report(found: list[dict]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    data = Path(os.environ.get("SCENE4D_DATA", ROOT.parent / "shared/data"))
-    parser.add_argument("--footage", type=Path, default=data / "footage")
+    parser.add_argument("--footage", type=Path, default=DATA / "footage")
     parser.add_argument("--sheets", type=Path)
     parser.add_argument("clips", nargs="*")
     asked = parser.parse_args()

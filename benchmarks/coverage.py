@@ -10,7 +10,6 @@ replace what stands between the markers in docs/coverage.md.
 """
 
 import argparse
-import os
 import pickle
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
@@ -22,6 +21,7 @@ from unittest import mock
 import numpy as np
 from scipy.stats import chi2, norm
 
+from benchmarks import ROOT, options_of
 from benchmarks.recordings import RECORDINGS, Recording
 from scene4d.calibration import _solve, person_segments
 from scene4d.calibration._guess import solve_guided
@@ -32,7 +32,6 @@ from scene4d.core.camera import Camera
 from scene4d.core.people import Segments
 from scene4d.evaluation import correspondence_error, spread_points
 
-ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "coverage.md"
 BEGIN, END = "<!-- coverage: begin -->", "<!-- coverage: end -->"
 LEVELS = (0.50, 0.80, 0.95)
@@ -269,9 +268,7 @@ def kept(make: Any, data: Path, cache: Path) -> tuple[Recording, Seen]:
 
 def arguments_of(doc: str | None) -> argparse.ArgumentParser:
     """The options of a benchmark over parts of recordings, which writes into the page."""
-    parser = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser = options_of(doc)
     parser.add_argument(
         "--cache", type=Path, default=Path(tempfile.gettempdir()) / "scene4d-recordings"
     )

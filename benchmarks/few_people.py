@@ -1,6 +1,6 @@
 """Is the orientation network worth having where a single frame shows a few people?
 
-    python benchmarks/few_people.py [--data DIR]
+    python -m benchmarks.few_people [--data DIR]
 
 DIR holds pets2009/ and towncentre/. People are drawn from single frames that the network has read;
 the joint method calibrates them alone, and with the network's reading of that very frame, as
@@ -10,12 +10,9 @@ same about the camera as the network does. Medians are of the mean correspondenc
 they are far from independent.
 """
 
-import argparse
-import os
-from pathlib import Path
-
 import numpy as np
 
+from benchmarks import options_of
 from benchmarks.tables import markdown
 from scene4d.calibration import person_segments
 from scene4d.calibration._guess import solve_guided
@@ -28,7 +25,6 @@ from scene4d.core.progress import Silent
 from scene4d.evaluation import Reference, pets, towncentre
 from scene4d.video.reader import open_source
 
-ROOT = Path(__file__).parents[1]
 PEOPLE = (3, 5, 10)
 DRAWS = 24
 HEADINGS = [
@@ -102,9 +98,7 @@ def median(errors_m: np.ndarray) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    folder = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(folder))
+    parser = options_of(__doc__)
     data = parser.parse_args().data
     rows = [HEADINGS]
     for footage, path, reference in (

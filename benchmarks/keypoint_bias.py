@@ -1,20 +1,18 @@
 """What keypoints get wrong on real footage, against a true camera: the constants in docs/method.md.
 
-    python benchmarks/keypoint_bias.py [--data DIR]
+    python -m benchmarks.keypoint_bias [--data DIR]
 
 On the PETS video: does a turned picture give a body turned as much (rotation), how tall are people
 at each distance (size), and where is the head across the body: by walking speed, by place in the
 picture, and how alike within one person's track (hand-drawn tracks).
 """
 
-import argparse
-import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import numpy as np
 
+from benchmarks import options_of
 from scene4d.calibration import person_segments
 from scene4d.core.camera import Camera
 from scene4d.core.geometry import vertical_vanishing_point
@@ -25,7 +23,6 @@ from scene4d.perception.people import PeopleDetector, detect_people
 from scene4d.video.frames import Frame
 from scene4d.video.reader import open_source
 
-ROOT = Path(__file__).parents[1]
 FOOT_HEIGHT_M = 0.04
 
 
@@ -162,9 +159,7 @@ def report(camera: Camera, segments: Segments, truth: Detections) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser = options_of(__doc__)
     folder = parser.parse_args().data / "pets2009"
     camera = read_camera(folder / "View_001.xml")
     truth = read_annotations(folder / "PETS2009-S2L1.xml", image_size=camera.image_size, fps=10.0)

@@ -12,7 +12,6 @@ those that ``calibrate`` finds, which are kept too.
 
 import argparse
 import importlib.util
-import os
 import tempfile
 import time
 from collections import Counter
@@ -26,6 +25,7 @@ from unittest import mock
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from benchmarks import options_of
 from benchmarks.recordings import lab
 from benchmarks.tables import Rows, machine, markdown
 from benchmarks.throughput import cut
@@ -45,7 +45,6 @@ from scene4d.tracking import TrackOptions, track, watching
 from scene4d.tracking._people import locate_people
 from scene4d.video.reader import open_source
 
-ROOT = Path(__file__).parents[1]
 NEAR_M = 1.0
 CLIPS = {
     "PETS 2009": "pets2009/vtest.avi",
@@ -198,9 +197,7 @@ def _kinds(tracks: Tracks) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.looking", description=__doc__)
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser = options_of(__doc__)
     parser.add_argument("--cache", type=Path, default=Path(tempfile.gettempdir()) / "looking")
     parser.add_argument("--only", nargs="+", choices=CLIPS, default=list(CLIPS))
     parser.add_argument("--rates", type=float, nargs="+", default=[10.0, 5.0, 2.0])

@@ -1,6 +1,6 @@
 """How well activities are found on the two MEVA cameras that constants are chosen on.
 
-    python benchmarks/meva_activities.py [--data DIR] [--activity NAME ...] [--ours]
+    python -m benchmarks.meva_activities [--data DIR] [--activity NAME ...] [--ours]
                                          [--without PREDICATE ...] [--outline TAU]
 
 DIR holds meva/. With --ours the baselines are left out, with --without what activities say by these
@@ -9,25 +9,19 @@ other's outline. The cameras that `scene4d evaluate meva`
 reports are never looked at: this is what constants may be chosen by.
 """
 
-import argparse
-import os
 import time
 from dataclasses import replace
-from pathlib import Path
 
+from benchmarks import options_of
 from scene4d.core.progress import Silent
 from scene4d.evaluation._options import TUNED
 from scene4d.evaluation.datasets._meva import meva_clips
 from scene4d.evaluation.trials._ways import METHODS, OURS, Seen, label_length_s, ranked
 from scene4d.evaluation.trials.activities import FALSE_PER_MINUTE, labelled_activities
 
-ROOT = Path(__file__).parents[1]
-
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    folder = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(folder))
+    parser = options_of(__doc__)
     parser.add_argument("--activity", nargs="*", default=None)
     parser.add_argument("--ours", action="store_true")
     parser.add_argument("--without", nargs="*", default=[])

@@ -5,8 +5,6 @@
 DIR holds meva/. A vehicle counts as parked where the boxes of its track do not move.
 """
 
-import argparse
-import os
 import tarfile
 import tempfile
 import time
@@ -14,18 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import options_of
 from benchmarks.vehicle_positions import stands
 from scene4d.core.errors import Scene4DError
 from scene4d.store.query import Scene
 from scene4d.tracking import TrackOptions, track
 
-ROOT = Path(__file__).parents[1]
-
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    folder = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(folder))
+    parser = options_of(__doc__)
     parser.add_argument("--clips", type=int, default=None)
     arguments = parser.parse_args()
     meva = arguments.data / "meva"

@@ -1,6 +1,6 @@
 """How well people are placed on real footage by a true camera: the constants of scene/people*.py.
 
-    python benchmarks/people_positions.py [--data DIR] [--step 4]
+    python -m benchmarks.people_positions [--data DIR] [--step 4]
 
 PETS 2009 S2.L1 is the only clip at hand with a true camera and true positions. The truth are
 hand-drawn boxes through the true camera and the model of the body, averaged over one second. They
@@ -9,15 +9,13 @@ holds their errors, which the covariance of feet and head errors bounds (last li
 part).
 """
 
-import argparse
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from benchmarks import options_of
 from scene4d.core.body import HEIGHT_SIGMA_M
 from scene4d.core.camera import Camera
 from scene4d.core.people import Detections
@@ -44,7 +42,6 @@ from scene4d.tracking._people_points import (
 from scene4d.tracking._rays import Rays
 from scene4d.video.reader import open_source
 
-ROOT = Path(__file__).parents[1]
 CHI2_50, CHI2_95 = 1.386, 5.991
 FPS = 10
 FEET = slice(20, 26)
@@ -333,9 +330,7 @@ def headings(found: Detections, truth: Truth, camera: Camera) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser = options_of(__doc__)
     parser.add_argument("--step", type=int, default=4, help="every so many frames")
     asked = parser.parse_args()
     folder = asked.data / "pets2009"

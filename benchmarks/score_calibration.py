@@ -14,9 +14,7 @@ file that searches use. With --check the cameras that `scene4d evaluate meva` re
 instead, through the simulated detector, and nothing is fitted: do the probabilities hold there?
 """
 
-import argparse
 import json
-import os
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -24,6 +22,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import isotonic_regression, minimize
 
+from benchmarks import options_of
 from benchmarks.simulated_detector import SimulatedDetector
 from scene4d.core.progress import Silent
 from scene4d.evaluation._options import REPORTED, TUNED
@@ -36,7 +35,6 @@ from scene4d.searching.activities import calibrated
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.activities.search import LEAST_SCORE, MIN_SCORE
 
-ROOT = Path(__file__).parents[1]
 LEAST_LABELS = 20
 """With fewer the share of right events is known to ±0.1 at best."""
 LIMIT = 0.01
@@ -255,9 +253,7 @@ def write(found: dict[str, dict[str, dict]]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    folder = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(folder))
+    parser = options_of(__doc__)
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--check", action="store_true", help="look at the reported cameras")
     arguments = parser.parse_args()

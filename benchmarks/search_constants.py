@@ -7,14 +7,12 @@ mean over the labelled activities of the average precision. What hardly moves it
 provenance than "chosen by hand".
 """
 
-import argparse
-import os
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 from unittest.mock import patch
 
+from benchmarks import options_of
 from scene4d.core.progress import Silent
 from scene4d.evaluation._options import TUNED
 from scene4d.evaluation.datasets import _meva as meva
@@ -45,12 +43,10 @@ def precision(clips: Sequence[meva.Clip]) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    folder = Path(__file__).parents[2] / "shared" / "data"
-    parser.add_argument("--data", type=Path, default=os.environ.get("SCENE4D_DATA", folder))
+    parser = options_of(__doc__)
     arguments = parser.parse_args()
     with patch.object(meva, "unite_tracks", lambda stage, _: stage):
-        clips = meva.meva_clips(Path(arguments.data) / "meva", TUNED, Silent())
+        clips = meva.meva_clips(arguments.data / "meva", TUNED, Silent())
     print(f"as it is: {precision(clips):.3f}", flush=True)
     for module, name, values in CONSTANTS:
         for value in values:

@@ -8,14 +8,13 @@ picture; and between people the growth of their mean log lengths. It is what the
 ``calibration/_drift.py`` were read off.
 """
 
-import argparse
-import os
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.coverage import ROOT, kept
+from benchmarks import options_of
+from benchmarks.coverage import kept
 from benchmarks.recordings import RECORDINGS, Recording
 from scene4d.calibration import person_segments
 from scene4d.core.body import FOOT_HEIGHT_M, PERSON_HEIGHT_M
@@ -60,9 +59,7 @@ def shared_errors(recording: Recording, people: Segments) -> np.ndarray:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser = options_of(__doc__)
     parser.add_argument(
         "--cache", type=Path, default=Path(tempfile.gettempdir()) / "scene4d-recordings"
     )

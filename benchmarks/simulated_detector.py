@@ -6,10 +6,8 @@ Tracks PETS with the true camera and compares what was detected, before tracking
 hand-drawn boxes: the figures that :class:`Errors` holds are printed. DIR holds pets2009/.
 """
 
-import argparse
 import itertools
 import json
-import os
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from benchmarks import options_of
 from benchmarks.tracks import SAME_IOU, overlaps
 from scene4d.core.people import Detections
 from scene4d.evaluation import pets
@@ -26,7 +25,6 @@ from scene4d.formats.cameras import write_camera
 from scene4d.store.log import DetectionLog, Look
 from scene4d.tracking import track
 
-ROOT = Path(__file__).parents[1]
 COVERED = 0.5
 """A box of which a nearer one covers more is hardly seen."""
 
@@ -184,9 +182,7 @@ def measured(truth: Detections, looks: Sequence[Look]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    folder = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(folder))
+    parser = options_of(__doc__)
     data = parser.parse_args().data / "pets2009"
     reference = pets(data)
     truth = read_annotations(data / "PETS2009-S2L1.xml", image_size=reference.image_size)

@@ -10,7 +10,6 @@ The last table says how much longer detecting takes than the networks alone need
 checkout: each in seconds on the clock, of threads side by side.
 """
 
-import argparse
 import json
 import os
 import subprocess
@@ -21,9 +20,9 @@ from pathlib import Path
 import av
 import numpy as np
 
+from benchmarks import ROOT, options_of
 from benchmarks.tables import Rows, machine, markdown
 
-ROOT = Path(__file__).parents[1]
 SHORT_S = 1.0
 STAGES = ("detect people", "detect vehicles", "keypoints", "appearance")
 CHILD = """
@@ -105,9 +104,7 @@ def compared(before: Path, video: Path, camera: Path, rate: float, asked) -> tup
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.throughput", description=__doc__)
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser = options_of(__doc__)
     parser.add_argument("--footage", type=Path, nargs=2, metavar=("VIDEO", "CAMERA"))
     parser.add_argument("--commit", default="b36787f")
     parser.add_argument("--seconds", type=float, default=20.0)

@@ -7,10 +7,8 @@ of the PETS video are kept in --cache. --meva names the unpacked MEVA annotation
 part is left out. Scores come from TrackEval; see tracking_peers.py for what to install where.
 """
 
-import argparse
 import contextlib
 import io
-import os
 import tempfile
 import time
 from collections.abc import Callable
@@ -19,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import options_of
 from benchmarks.tables import Rows, machine, markdown
 from benchmarks.tracking_peers import METHODS, follow
 from scene4d.core.camera import Camera
@@ -32,7 +31,6 @@ from scene4d.tracking._sightings import Sightings
 from scene4d.tracking._smoothing import Smoothed, smooth
 from scene4d.tracking._vehicles import locate_vehicles
 
-ROOT = Path(__file__).parents[1]
 PETS_FPS, PETS_FRAMES = 10.0, 795
 MEVA_FPS, MEVA_EVERY, MEVA_GROUND_M = 30.0, 3, 1.0
 MEVA_CLIPS_PER_CAMERA = 2
@@ -348,13 +346,7 @@ def positions(case: Case, camera: Camera) -> list[Rows]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.tracking",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser = options_of(__doc__)
     scratch = Path(tempfile.gettempdir()) / "scene4d-tracking"
     parser.add_argument("--cache", type=Path, default=scratch)
     parser.add_argument("--meva", type=Path, default=None)

@@ -1,6 +1,6 @@
 """How good tracks are on the ground: PETS S2L1 against its hand-drawn boxes and true camera.
 
-    python benchmarks/tracks.py [--data DIR] [--out DIR] [--write]
+    python -m benchmarks.tracks [--data DIR] [--out DIR] [--write]
 
 Calibrates the camera from the video, tracks with it and with the true camera, and compares with the
 true positions: the hand-drawn boxes through the true camera, moved from the near rim of the body to
@@ -8,14 +8,13 @@ its axis. DIR of --out keeps the scenes, so that a second run does not detect ag
 the table replaces what stands between the markers in README.md.
 """
 
-import argparse
-import os
 import tempfile
 from pathlib import Path
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from benchmarks import ROOT, options_of
 from scene4d.calibration.calibrating import run
 from scene4d.calibration.options import CalibrateOptions
 from scene4d.calibration.writing import write
@@ -31,7 +30,6 @@ from scene4d.store.query import Scene
 from scene4d.tracking import track
 from scene4d.tracking._people import locate_people
 
-ROOT = Path(__file__).parents[1]
 BEGIN, END = "<!-- tracks: begin -->", "<!-- tracks: end -->"
 SAME_IOU, REACH_M = 0.3, 1.5
 ELLIPSE = 5.991
@@ -100,9 +98,7 @@ def scored(scene: Path, truth: Detections, camera: Camera) -> list[str]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    folder = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(folder))
+    parser = options_of(__doc__)
     parser.add_argument("--out", type=Path, default=None)
     parser.add_argument("--write", action="store_true", help="put the table into README.md")
     arguments = parser.parse_args()

@@ -9,8 +9,6 @@ have one size.
 The usual stand-in for a vehicle's place, the middle of its box's bottom edge, is measured beside.
 """
 
-import argparse
-import os
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -18,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks import options_of
 from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
@@ -30,7 +29,6 @@ from scene4d.tracking._vehicles import JITTER_SHARE, locate_vehicles
 from scene4d.tracking.annotated import looks_of
 from scene4d.tracking.following import follow
 
-ROOT = Path(__file__).parents[1]
 NOISE_SHARE, NOISE_PX = 0.036, 1.4
 """Noise of drawn box edges: a share of the box's width or height, and pixels."""
 ELLIPSE_95 = 5.991
@@ -419,9 +417,7 @@ def _same(first: list[_Sized], second: list[_Sized]) -> Iterator[tuple[_Sized, _
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser = options_of(__doc__)
     parser.add_argument("--annotations", type=Path, help="MEVA's annotations, unpacked")
     parser.add_argument("--count", type=int, default=3000, help="drawn vehicles per camera")
     asked = parser.parse_args()

@@ -9,7 +9,6 @@ analysed, decoding included. Then as one camera for hours, as fast as it goes, w
 networks say what they said the first time: memory at the beginning, in the middle and at the end.
 """
 
-import argparse
 import os
 import subprocess
 import sys
@@ -23,13 +22,13 @@ from pathlib import Path
 import av
 import numpy as np
 
+from benchmarks import options_of
 from benchmarks.tables import Rows, machine, markdown
 from scene4d.perception.objects import ObjectDetector
 from scene4d.tracking import TrackOptions, watch, watch_several
 from scene4d.video.frames import Frame
 from scene4d.video.live import LiveSource
 
-ROOT = Path(__file__).parents[1]
 CLIP = "footage/streets/plaza_960x540_14s.mp4"
 SEARCHES = ("person enters vehicle", "two people meet")
 
@@ -184,9 +183,7 @@ def hours(clip: Path, camera: Path, asked, scratch: Path) -> Rows:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.watching", description=__doc__)
-    default = os.environ.get("SCENE4D_DATA", ROOT.parent / "shared" / "data")
-    parser.add_argument("--data", type=Path, default=Path(default))
+    parser = options_of(__doc__)
     parser.add_argument("--footage", nargs="+", default=[CLIP], help="below --data")
     parser.add_argument("--cameras", type=int, default=8)
     parser.add_argument("--rate", type=float, default=2.0)

@@ -10,6 +10,7 @@ from collections.abc import Generator
 from pathlib import Path
 
 import pytest
+from benchmarks import DATA
 from hypothesis import settings
 
 import type_checks
@@ -23,7 +24,6 @@ settings.register_profile("here", deadline=None)
 # They are fewer than the hundred fresh ones that each run elsewhere draws: five minutes are few.
 settings.register_profile("ci", deadline=None, derandomize=True, max_examples=50)
 
-SHARED = Path(os.environ.get("SCENE4D_DATA", Path(__file__).parents[2] / "shared" / "data"))
 IN_CI = os.environ.get("CI", "").lower() not in {"", "0", "false"}
 settings.load_profile("ci" if IN_CI else "here")
 
@@ -31,9 +31,9 @@ settings.load_profile("ci" if IN_CI else "here")
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """Real recordings with known cameras; skipped with one sentence where they are absent."""
-    if not SHARED.is_dir():
-        pytest.skip(f"the real recordings are not at {SHARED}; set SCENE4D_DATA")
-    return SHARED
+    if not DATA.is_dir():
+        pytest.skip(f"the real recordings are not at {DATA}; set SCENE4D_DATA")
+    return DATA
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
