@@ -10,7 +10,7 @@ from scene4d.core.ground_regions import GroundRegion
 from scene4d.core.tracks import Tracks
 from scene4d.searching import opened as open_places
 from scene4d.store.query import Scene
-from scene4d.store.runs import Run
+from scene4d.store.runs import Run, since_1970_ns
 from scene4d.store.site import RunClock, Site
 from scene4d.store.site_file import is_site
 
@@ -127,7 +127,7 @@ def _of_scene(scene: Scene) -> list[Shown]:
 
 def _of_site(site: Site) -> list[Shown]:
     start = site.start
-    start_ns = None if start is None else round(start.timestamp() * 1e6) * 1000
+    start_ns = None if start is None else since_1970_ns(start)
     return [
         _shown(run, name, _in_site(site, name), clock, start_ns)
         for name in site.cameras

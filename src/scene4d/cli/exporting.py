@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -111,7 +110,6 @@ def _pieces(scene: "Scene", points: Sequence[GroundPoint]) -> "Iterator[SceneTab
 
     (run,) = scene.runs
     camera = Camera.load(scene.camera_file(run.camera))
-    start = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=run.start_ns // 1000)
     geo = _anchored(camera, points) if points else None
     begin = min(part.begin_s for part in run.parts)
     end = max(part.end_s for part in run.parts)
@@ -127,7 +125,7 @@ def _pieces(scene: "Scene", points: Sequence[GroundPoint]) -> "Iterator[SceneTab
             tracks,
             camera=run.camera,
             image_size=camera.image_size,
-            start_utc=start if run.start_known else None,
+            start_utc=run.start,
             keypoint_names=tracks.keypoint_names,
             geo=geo,
             calibrated=camera,

@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from html import escape
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,6 @@ _NOT_CALIBRATED = (
     "probability: unknown; scores are calibrated for some activities of the catalogue, as they "
     "stand there. The score ranks events"
 )
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _KPF = (".geom.yml", ".types.yml")
 
 
@@ -59,7 +58,7 @@ class FoundEvent:
     def when(self) -> str:
         """The clock time (UTC), if known, and the time in the clip."""
         clip = f"{clip_time(self.event.begin_s)} to {clip_time(self.event.end_s)}"
-        began = self._moment(self.event.begin_s)
+        began = self.run.moment(self.event.begin_s)
         return clip if began is None else f"{began:%Y-%m-%d %H:%M:%S} UTC, clip {clip}"
 
     @property
@@ -83,7 +82,7 @@ class FoundEvent:
         null if the clip's start is unknown; null also for a predicate that cannot be judged.
         """
         event = self.event
-        begin, end = self._moment(event.begin_s), self._moment(event.end_s)
+        begin, end = self.run.moment(event.begin_s), self.run.moment(event.end_s)
         return {
             "activity": event.activity,
             "score": event.score,
@@ -104,9 +103,6 @@ class FoundEvent:
             **({"spots": [_spot_dict(spot) for spot in self.spots]} if self.spots else {}),
             **(self.across or {}),
         }
-
-    def _moment(self, time_s: float) -> datetime | None:
-        return _moment(self.run, time_s)
 
 
 @dataclass
@@ -276,15 +272,8 @@ def why_groups(why: Mapping[str, float]) -> list[tuple[str, list[tuple[str, str,
     return list(groups.items())
 
 
-def _moment(run: Run, time_s: float) -> datetime | None:
-    """The time of day of a moment of a run's clip, UTC; None where its start is not known."""
-    if not run.start_known:
-        return None
-    return _EPOCH + timedelta(microseconds=round(run.moment_ns(time_s) / 1000))
-
-
 def _spot_dict(spot: FoundSpot) -> dict[str, Any]:
-    begin, end = (_moment(spot.run, time_s) for time_s in (spot.begin_s, spot.end_s))
+    begin, end = (spot.run.moment(time_s) for time_s in (spot.begin_s, spot.end_s))
     return {
         "spot": spot.name,
         "role": spot.role,
@@ -304,7 +293,7 @@ def _spot_dict(spot: FoundSpot) -> dict[str, Any]:
 
 def _spot_note(spot: FoundSpot) -> str:
     """Who was at a spot, and when."""
-    begin, end = (_moment(spot.run, time_s) for time_s in (spot.begin_s, spot.end_s))
+    begin, end = (spot.run.moment(time_s) for time_s in (spot.begin_s, spot.end_s))
     when = f"from {clip_time(spot.begin_s)} to {clip_time(spot.end_s)} in the clip"
     if begin is not None and end is not None:
         last = f"{end:%H:%M:%S}" if begin.date() == end.date() else f"{end:%Y-%m-%d %H:%M:%S}"

@@ -5,7 +5,7 @@ import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,8 @@ import numpy as np
 
 from scene4d.core.errors import InputError, OutputError
 from scene4d.core.tracks import Tracks
+from scene4d.store.runs import since_1970_ns
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _YEARS = (1900, 2200)  # what nanoseconds in 64 bits can hold, with room for the footage
 
 
@@ -36,7 +36,7 @@ def start_ns(start_utc: datetime | None) -> int:
     first, last = _YEARS
     if not first <= start_utc.year < last:
         raise InputError(f"start_utc: year {start_utc.year}, expected {first} to {last - 1}")
-    return (start_utc - _EPOCH) // timedelta(microseconds=1) * 1000
+    return since_1970_ns(start_utc)
 
 
 def as_json(values: dict[str, Any], what: str) -> dict[str, Any]:

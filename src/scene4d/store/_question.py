@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypedDict
 
@@ -10,10 +10,8 @@ import numpy as np
 
 from scene4d.core.errors import InputError
 from scene4d.core.text import quoted
-from scene4d.store.runs import Part, Run
+from scene4d.store.runs import Part, Run, since_1970_ns
 from scene4d.store.schema import COLOURS, COLUMNS, KEYPOINT_COLUMNS
-
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 _Moment = datetime | float | int
 """A moment in UTC, or seconds from the start of a clip."""
@@ -77,9 +75,7 @@ def check_range(begin: _Moment | None, end: _Moment | None) -> None:
 
 def reaches(run: Run, part: Part, begin: _Moment | None, end: _Moment | None) -> bool:
     """Whether a part can have rows in a time range."""
-    first, last = (
-        _ns(moment) if isinstance(moment, datetime) else moment for moment in (begin, end)
-    )
+    first, last = (since_1970_ns(one) if isinstance(one, datetime) else one for one in (begin, end))
     in_ns = isinstance(begin, datetime) or isinstance(end, datetime)
     part_begin = run.moment_ns(part.begin_s) if in_ns else part.begin_s
     part_end = run.moment_ns(part.end_s) if in_ns else part.end_s
@@ -180,7 +176,3 @@ def _number(value: float | int) -> str:
 def pattern_of(path: str) -> str:
     """A glob pattern that matches only this path."""
     return "".join(f"[{c}]" if c in "[*?" else c for c in path)
-
-
-def _ns(moment: datetime) -> int:
-    return (moment - _EPOCH) // timedelta(microseconds=1) * 1000

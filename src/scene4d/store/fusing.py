@@ -43,12 +43,16 @@ def fused(parts: Sequence[Tracks], step_s: float, modes: Sequence[Modes] | None 
     surest = np.trace(total, axis1=1, axis2=2)
     order = np.lexsort((surest, tick, rows.track))
     rows, tick, part = rows.select(order), tick[order], part[order]
-    first = _first_of(rows.track, tick)
+    new = np.append(
+        np.ones(min(len(rows), 1), bool), (np.diff(rows.track) != 0) | (np.diff(tick) != 0)
+    )
+    first, group = np.flatnonzero(new), np.cumsum(new) - 1
     if len(first) == len(rows):
         return _told(rows, tick, step_s)
-    out = _merged(rows, first)
+    weight, _ = _weights(total[order], first, group)
+    out = _merged(rows, first, group, weight)
     if modes is not None:
-        _share(out, rows, first, part, modes)
+        _share(out, rows, group, part, weight, modes)
     return _told(out, tick[first], step_s)
 
 
@@ -92,17 +96,14 @@ def _nearest(
     return np.where(nearer, before, after)
 
 
-def _first_of(track: Int[np.ndarray, "n"], tick: Int[np.ndarray, "n"]) -> Int[np.ndarray, "k"]:
-    new = (np.diff(track) != 0) | (np.diff(tick) != 0)
-    return np.flatnonzero(np.append(np.ones(min(len(track), 1), bool), new))
-
-
-def _merged(rows: Tracks, first: Int[np.ndarray, "k"]) -> Tracks:
-    """One row of each group, the first of which is the surest."""
-    group = _groups(len(rows), first)
+def _merged(
+    rows: Tracks,
+    first: Int[np.ndarray, "k"],
+    group: Int[np.ndarray, "n"],
+    weight: Float[np.ndarray, "n 2 2"],
+) -> Tracks:
+    """One row of each group, the first of which is the surest; ``weight`` is that of positions."""
     out = rows.select(first)
-    total = rows.covariance_m2 + rows.shared_covariance_m2
-    weight, _ = _weights(total, first, group)
     out.xy_m[:] = _sum(weight, rows.xy_m, first)
     out.covariance_m2[:] = _spread(weight, rows.covariance_m2, first)
     out.shared_covariance_m2[:] = _spread(weight, rows.shared_covariance_m2, first)
@@ -119,24 +120,16 @@ def _merged(rows: Tracks, first: Int[np.ndarray, "k"]) -> Tracks:
     return out
 
 
-def _groups(n: int, first: Int[np.ndarray, "k"]) -> Int[np.ndarray, "n"]:
-    group = np.zeros(n, int)
-    group[first[1:]] = 1
-    return np.cumsum(group)
-
-
 def _share(
     out: Tracks,
     rows: Tracks,
-    first: Int[np.ndarray, "k"],
+    group: Int[np.ndarray, "n"],
     part: Int[np.ndarray, "n"],
+    weight: Float[np.ndarray, "n 2 2"],
     modes: Sequence[Modes],
 ) -> None:
     """The shared covariance of what several cameras saw, by what they err by together."""
-    several = np.flatnonzero(np.diff(np.append(first, len(rows))) > 1)
-    total = rows.covariance_m2 + rows.shared_covariance_m2
-    weight, _ = _weights(total, first, _groups(len(rows), first))
-    group = _groups(len(rows), first)
+    several = np.flatnonzero(np.bincount(group) > 1)
     for block in np.array_split(several, -(-len(several) // _BLOCK) or 1):
         here = np.flatnonzero(np.isin(group, block))
         moved: np.ndarray | None = None

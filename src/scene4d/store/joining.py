@@ -1,15 +1,12 @@
 """Scenes of one camera made one, with a number of its own for every track."""
 
 from collections.abc import Iterable
-from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 from scene4d.core.files import read_json
 from scene4d.store.query import Scene
 from scene4d.store.runs import camera_path, complete_runs
 from scene4d.store.writing import SceneWriter
-
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 def join(scenes: Iterable[Path], out: Path) -> Path:
@@ -21,12 +18,11 @@ def join(scenes: Iterable[Path], out: Path) -> Path:
         for run in complete_runs(folder):
             if not run.rows:
                 continue
-            start = _EPOCH + timedelta(microseconds=run.start_ns / 1000)
             with SceneWriter(
                 out,
                 camera=run.camera,
                 run=run.run,
-                start_utc=start if run.start_known else None,
+                start_utc=run.start,
                 camera_json=read_json(camera_path(folder, run.camera)),
                 provenance=run.provenance,
             ) as writer:

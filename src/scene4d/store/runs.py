@@ -11,6 +11,7 @@ A run without a manifest does not exist: readers use only the parts that manifes
 import hashlib
 import re
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import quote
@@ -24,6 +25,7 @@ from scene4d.store.schema import COLUMNS, LONGEST_S, SCENE_SCHEMA, time_ns
 _LONGEST = 200
 """Bytes of a name in a path: file systems allow 255, and suffixes are added to it."""
 _DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MOST_NS = 2**63
 Watched = tuple[float, float, int, int]
 """From when to when (s) footage was looked at, and the first and last frame."""
@@ -94,6 +96,11 @@ class Run:
     watched: tuple[Watched, ...] | None = None
 
     @property
+    def start(self) -> datetime | None:
+        """When the clip began, UTC; None if unknown."""
+        return moment(self.start_ns) if self.start_known else None
+
+    @property
     def span_s(self) -> tuple[float, float] | None:
         """Times of the first and last row; None if there are none."""
         if not self.parts:
@@ -113,6 +120,10 @@ class Run:
         said = readable | asdict(self)
         del said["lacks"]
         return said
+
+    def moment(self, time_s: float) -> datetime | None:
+        """The time of day of a time in this run, UTC; None if its start is not known."""
+        return moment(self.moment_ns(time_s)) if self.start_known else None
 
     def moment_ns(self, time_s: float) -> int:
         """Nanoseconds since 1970 of a time in this run."""
@@ -174,6 +185,16 @@ def _part(said: JsonObject) -> Part:
         end_s=said.number("end_s", least=begin_s, most=LONGEST_S),
         sha256=sha256,
     )
+
+
+def moment(ns: int) -> datetime:
+    """The moment (UTC) of nanoseconds since 1970, to the microsecond."""
+    return _EPOCH + timedelta(microseconds=round(ns / 1000))
+
+
+def since_1970_ns(when: datetime) -> int:
+    """The opposite of :func:`moment`."""
+    return (when - _EPOCH) // timedelta(microseconds=1) * 1000
 
 
 def manifest_path(folder: Path, run: str) -> Path:

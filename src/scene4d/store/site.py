@@ -10,7 +10,7 @@ The tracks stay in the scenes; a site maps them while it reads.
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Unpack
@@ -29,7 +29,7 @@ from scene4d.store.fusing import fused
 from scene4d.store.identities import Identities
 from scene4d.store.query import Scene
 from scene4d.store.regrounding import in_site, regrounded
-from scene4d.store.runs import Run
+from scene4d.store.runs import Run, moment
 from scene4d.store.schema import with_keypoints
 from scene4d.store.site_errors import SiteErrors
 from scene4d.store.site_file import (
@@ -38,7 +38,6 @@ from scene4d.store.site_file import (
     SiteFile,
 )
 
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 STEP_S = 0.2
 """Time between rows of fused tracks: people and vehicles do little in less, and cameras of 5 frames
 a second and more have a row for each."""
@@ -127,9 +126,7 @@ class Site:
     @property
     def start(self) -> datetime | None:
         """The moment at which the site's clock is 0; None where no camera's clock is known."""
-        if self._said.start_ns is None:
-            return None
-        return _EPOCH + timedelta(microseconds=self._said.start_ns / 1000)
+        return None if self._said.start_ns is None else moment(self._said.start_ns)
 
     def placed(self, camera: str) -> SiteCamera:
         """A camera's entry; raises :class:`InputError` for one that is not in the site."""
@@ -282,18 +279,18 @@ class Site:
         own = one.placement.inverse().points(xy_m)
         return errors.modes_m(camera, one.placement, self.calibration(camera), own)
 
-    def _in_clip(self, moment: Any, clock: RunClock) -> float | None:
+    def _in_clip(self, when: Any, clock: RunClock) -> float | None:
         """A moment, or seconds of the site's clock, in seconds of a clip."""
-        if moment is None:
+        if when is None:
             return None
-        if isinstance(moment, datetime):
+        if isinstance(when, datetime):
             if self.start is None:
                 raise InputError(
                     "begin, end: when the footage began is not known; ask in seconds of the site's "
                     "clock"
                 )
-            moment = (moment - self.start).total_seconds()
-        return clock.in_clip(float(moment))
+            when = (when - self.start).total_seconds()
+        return clock.in_clip(float(when))
 
     def scene_calibration(self, camera: str) -> Calibration:
         """The calibration on whose ground the scene's rows are, before the site refined it."""
