@@ -154,8 +154,6 @@ def words_of(
     places = Places() if options.zones is None else read_places(Path(options.zones), cameras)
     catalogue = load_catalogue(*map(Path, options.catalogues))
     query = parse_query(words, catalogue, zones=places.names("zone"), lines=places.names("line"))
-    if options.min_probability is not None:
-        check_calibrated(query, (ANNOTATED, DETECTED))
     used = _used(query, places)
     return query, Places(tuple(place for place in places.all if place.name in used))
 

@@ -18,6 +18,7 @@ from scene4d.searching._asking import (
     SearchOptions,
     reaches,
     second_of_day,
+    tracks_of,
     understand,
     within_window,
 )
@@ -25,6 +26,7 @@ from scene4d.searching._places import Places
 from scene4d.searching._spots import Clip, Memory, pieces_of_runs, start_s
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._terms import lag_of, places_of
+from scene4d.searching.activities.calibrated import ANNOTATED, DETECTED
 from scene4d.searching.activities.course import course_of
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.activities.search import judge
@@ -224,7 +226,7 @@ def staged_run(
     mostly keypoints and covariances, takes several times as long as the search itself. Tracks of
     annotations, where one object may have several, are united.
     """
-    everybody = "annotations" not in run.provenance
+    everybody = tracks_of(run) == DETECTED
     groups = _groups(asked.query.activity) | set(also) | (set() if everybody else {"box"})
     if COLOURS in groups:
         _check_colours(run)
@@ -256,7 +258,7 @@ def _groups(activity: Activity) -> set[str]:
 
 def _check_colours(run: Run) -> None:
     """Raise :class:`InputError` for a run whose tracks were never looked at for their colours."""
-    if "annotations" in run.provenance:
+    if tracks_of(run) == ANNOTATED:
         why = "come from annotations: track the footage itself"
     elif COLOURS in run.lacks:
         why = "were written by an earlier version: track the footage again"

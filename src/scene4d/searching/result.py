@@ -21,7 +21,6 @@ from scene4d.store.runs import Run
 if TYPE_CHECKING:
     from arro3.core import Table
 
-"""Name and version of ``events.json``, and of what ``--json`` prints."""
 _NOT_CALIBRATED = (
     "probability: unknown; scores are calibrated for some activities of the catalogue, as they "
     "stand there. The score ranks events"

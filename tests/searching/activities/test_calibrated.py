@@ -49,6 +49,10 @@ def test_words_that_are_an_activity_have_its_probabilities_and_others_none():
     for words in ("person near vehicle", "person enters vehicle and then vehicle starts"):
         activity = parse_query(words, CATALOGUE).activity
         assert not any(calibration_of(activity, tracks) for tracks in (ANNOTATED, DETECTED)), words
+    either = parse_query("a car turns left or a truck turns left", CATALOGUE).activity
+    own = calibration_of(CATALOGUE["vehicle_turns_left"], DETECTED)
+    assert [one.name for one in either.options] == ["a car turns left", "a truck turns left"]
+    assert all(calibration_of(one, DETECTED) is own for one in either.options)
 
 
 def test_a_detectors_tracks_have_probabilities_of_their_own():

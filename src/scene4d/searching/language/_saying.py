@@ -133,7 +133,7 @@ def _alone(clause: Clause, core: Said, discourse: Discourse) -> Piece:
     terms = noun_terms(core.nouns[0], name, discourse)
     near = _with_values(core.entry.holds[0], core.values)
     said = Phase("", (_by_kinds(core.entry, near, ("person", discourse.people[name].kind)),))
-    ((said,),) = (with_distances((said,), clause.parts(Bound), discourse),)
+    (said,) = with_distances((said,), clause.parts(Bound), discourse)
     alone = Term("alone", (name,), said.terms[0].parameters)
     discourse.subject = (name,)
     return state((alone, *terms), duration(clause, discourse), False, discourse)
@@ -365,16 +365,16 @@ def with_distances(
     it is not.
     """
     for bound in bounds:
-        name = bound.predicate
-
-        def told(term: Term, name: str = name, metres: float = bound.metres) -> Term:
-            is_meant = term.predicate == name
-            return (
-                replace(term, parameters={**term.parameters, "tau_m": metres}) if is_meant else term
-            )
-
-        if not any(term.predicate == name for phase in phases for term in phase.terms):
+        if not any(t.predicate == bound.predicate for phase in phases for t in phase.terms):
             what = f'{{}} of whom? Say "{discourse.said(bound.span)} of a vehicle"'
             raise discourse.refuse(bound.span, what)
-        phases = tuple(replace(p, terms=tuple(map(told, p.terms))) for p in phases)
+        phases = tuple(
+            replace(p, terms=tuple(_within(bound, term) for term in p.terms)) for p in phases
+        )
     return phases
+
+
+def _within(bound: Bound, term: Term) -> Term:
+    if term.predicate != bound.predicate:
+        return term
+    return replace(term, parameters={**term.parameters, "tau_m": bound.metres})

@@ -151,12 +151,9 @@ class Lasting:
 
     def within(self, least: float, most: float) -> tuple[float, float]:
         """The shortest and longest duration, of which these are usual."""
-        most = most if self.most is None else self.most
-        return (
-            (least if self.most is None else min(least, most), most)
-            if self.least is None
-            else (self.least, most)
-        )
+        if self.most is None:
+            return (least if self.least is None else self.least), most
+        return (min(least, self.most) if self.least is None else self.least), self.most
 
 
 @dataclass(frozen=True)
