@@ -74,8 +74,9 @@ def tied(
         return before, SiteAnchor("earth", reason=frame.reason), errors
     found = {name: one.then(frame) if one and frame else one for name, one in before.items()} | own
     errors = errors if frame is None else errors.then(frame, before)
-    for name in [name for name, one in own.items() if one]:
-        errors = errors.beside(SiteErrors.alone(name, own[name], cameras[name].calibration))
+    for name, one in own.items():
+        if one:
+            errors = errors.beside(SiteErrors.alone(name, one, cameras[name].calibration))
     if not any(found.values()):
         return (
             found,
@@ -128,10 +129,12 @@ def _kept_to(
         if not frame:
             return frame, {}
     own = {}
-    for name in [name for name in told if name not in placed]:
+    for name, tracks in told.items():
+        if name in placed:
+            continue
         one = replace(cameras[name], placement=Placement.identity())
         alone = SiteErrors.alone(name, one.placement, one.calibration)
-        place = on_lines([told[name]], [_modes(told[name], name, one, alone)], anchors.lines)
+        place = on_lines([tracks], [_modes(tracks, name, one, alone)], anchors.lines)
         before = cameras[name].placement
         own[name] = _by_clock(place, one) if place else _beside(before, place)
     return frame, own

@@ -264,7 +264,7 @@ class _Solved:
     @classmethod
     def at(cls, ways: _Ways, maps: _Maps, parameters: np.ndarray, whole: bool = True) -> "_Solved":
         """At shift, heading, log-scale and side."""
-        frame = Placement.from_parameters(parameters * (1, 1, 1, 1, 0), np.zeros((5, 5)))
+        frame = _placed(parameters)
         xy, ahead = frame.points(ways.xy_m), frame.velocities(ways.ahead) / frame.scale
         normal, left, far = (np.zeros((len(xy), 2)), np.zeros(len(xy)), np.full(len(xy), np.inf))
         for kind in np.unique(ways.kind).tolist():
@@ -308,8 +308,7 @@ class _Solved:
                 "wherever the site is put; are these the right lines, and enough of them?"
             )
         covariance, middle = self.covariance(), ways.xy_m.mean(axis=0)
-        frame = Placement.from_parameters(self.parameters * (1, 1, 1, 1, 0), np.zeros((5, 5)))
-        slopes = frame.point_jacobian(middle[None])[0, :, :4]
+        slopes = _placed(self.parameters).point_jacobian(middle[None])[0, :, :4]
         size, axes = np.linalg.eigh(slopes @ covariance[:4, :4] @ slopes.T)
         turn = float(np.sqrt(covariance[2, 2]))
         if size[1] > _MOST_SIGMA_M**2:
@@ -324,10 +323,16 @@ class _Solved:
 
     def placement(self) -> Placement:
         """With what the map is off by."""
-        covariance = np.zeros((5, 5))
-        covariance[:4, :4] = self.covariance()[:4, :4]
+        covariance = self.covariance()[:4, :4]
         covariance[[0, 1], [0, 1]] += _MAP_M**2
-        return Placement.from_parameters(self.parameters * (1, 1, 1, 1, 0), covariance)
+        return _placed(self.parameters, covariance)
+
+
+def _placed(parameters: Float[np.ndarray, "5"], covariance: np.ndarray | float = 0.0) -> Placement:
+    """Shift, heading and log-scale as a placement: lines tell nothing of the clock."""
+    whole = np.zeros((5, 5))
+    whole[:4, :4] = covariance
+    return Placement.from_parameters(np.append(parameters[:4], 0.0), whole)
 
 
 def _by_track(columns: np.ndarray, weight: np.ndarray, track: np.ndarray) -> np.ndarray:

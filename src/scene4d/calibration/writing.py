@@ -13,8 +13,8 @@ from scene4d.core.progress import Progress, timed
 from scene4d.core.staging import ensure_folder, staged
 
 BACKGROUND = "background.jpg"
-_QUALITY = 92
 """The scene as it was calibrated: by it ``track`` sees whether the camera has moved since."""
+_QUALITY = 92
 
 
 def write(result: Run, out_dir: str | Path, *, progress: Progress) -> Path:

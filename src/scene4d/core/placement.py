@@ -158,26 +158,21 @@ class Placement:
         self,
         xy_m: Float[np.ndarray, "n 2"],
         velocity_mps: Float[np.ndarray, "n 2"] | None = None,
-        time_s: Float[np.ndarray, "n"] | None = None,
     ) -> Float[np.ndarray, "n 2 2"]:
         """Covariance (m²) of points in the site's frame that is due to the placement: an error that
-        all points of the camera share. ``velocity_mps`` as for :meth:`point_jacobian`; with
-        ``time_s``, on the camera's clock, that of the drift is in it.
+        all points of the camera share. ``velocity_mps`` as for :meth:`point_jacobian`.
         """
         jacobian = self.point_jacobian(xy_m, velocity_mps)
-        found: np.ndarray = jacobian @ self.covariance @ jacobian.swapaxes(1, 2)
-        if velocity_mps is None or time_s is None:
-            return found
-        return found + self.drifting_covariances(velocity_mps, time_s)
+        return jacobian @ self.covariance @ jacobian.swapaxes(1, 2)
 
     def drifting_covariances(
         self, velocity_mps: Float[np.ndarray, "n 2"], time_s: Float[np.ndarray, "n"]
     ) -> Float[np.ndarray, "n 2 2"]:
-        """The part of it that is due to the clock's drift."""
+        """The same that is due to the drift of the clock; ``time_s`` is the camera's."""
         if self.drift is None:
             return np.zeros((len(time_s), 2, 2))
         away_s = self.drift.sigma * (time_s - self.drift.at_s)
-        late = self.velocities(np.nan_to_num(velocity_mps)) * away_s[:, None]
+        late = self.velocities(velocity_mps) * away_s[:, None]
         return late[:, :, None] * late[:, None, :]
 
     def velocity_covariances(

@@ -43,11 +43,21 @@ def regrounded(tracks: Tracks, before: Calibration, after: Calibration) -> Track
     )
 
 
-def in_site(tracks: Tracks, placement: Placement) -> Tracks:
-    """Tracks of a camera on its clock, in the site's frame and on the site's clock."""
+def in_site(
+    tracks: Tracks, placement: Placement, modes_m: Float[np.ndarray, "n 2 r"] | None = None
+) -> Tracks:
+    """Tracks of a camera on its clock, in the site's frame and on the site's clock.
+
+    ``modes_m`` (:meth:`.SiteErrors.modes_m`) is how place and calibration, which err together, move
+    each row: by less than each by itself would make it, as it is taken without them.
+    """
     velocity = np.nan_to_num(tracks.velocity_mps)
-    shared = placement.own_covariances(tracks.shared_covariance_m2)
-    shared = shared + placement.point_covariances(tracks.xy_m, velocity, tracks.time_s)
+    drifting = placement.drifting_covariances(velocity, tracks.time_s)
+    if modes_m is None:
+        placed = placement.point_covariances(tracks.xy_m, velocity) + drifting
+        shared = placement.own_covariances(tracks.shared_covariance_m2) + placed
+    else:
+        shared = modes_m @ modes_m.swapaxes(1, 2) + drifting
     own_velocity = placement.own_covariances(tracks.velocity_covariance)
     return replace(
         tracks,

@@ -251,16 +251,11 @@ class Site:
         before, after = self.scene_calibration(camera), self.calibration(camera)
         if before is not after and len(tracks):
             tracks = regrounded(tracks, before, after)
-        placement = self.placed(camera).placement
-        found = in_site(tracks, placement)
-        if self.errors is None or after.covariance is None:
-            return found
-        # Place and calibration err together: by less than each by itself would make it.
-        velocity = np.nan_to_num(tracks.velocity_mps)
-        modes = self.errors.modes_m(camera, placement, after, tracks.xy_m, velocity)
-        shared = modes @ modes.swapaxes(1, 2)
-        drifting = placement.drifting_covariances(tracks.velocity_mps, tracks.time_s)
-        return replace(found, shared_covariance_m2=shared + drifting)
+        placement, modes = self.placed(camera).placement, None
+        if self.errors is not None and after.covariance is not None:
+            velocity = np.nan_to_num(tracks.velocity_mps)
+            modes = self.errors.modes_m(camera, placement, after, tracks.xy_m, velocity)
+        return in_site(tracks, placement, modes)
 
     def error_modes(
         self, camera: str, xy_m: Float[np.ndarray, "n 2"]
