@@ -45,7 +45,8 @@ def test_a_camera_without_a_file_is_calibrated_from_its_first_clip(folder):
     line = Line(tasks)
     assert line.next() == 0 and line.next() is None
     line.ended(0, None)  # the camera is undetermined
-    assert line.next() is None and line.skipped == {"gate": 2}
+    assert (line.next(), line.next(), line.next()) == (1, 2, None)
+    assert line.lacks(1) and line.lacks(2) and not line.lacks(0)
 
 
 def test_a_folder_of_clips_is_a_plan(tmp_path):
@@ -95,6 +96,8 @@ REFUSED = {
     "cameras: {g: c/*.txt}\ntrack: {rate_hz: -5}": "field 'track': rate_hz: found -5",
     "cameras: {g: {footage: c/*.txt, start: '%Y'}}\ntrack: {}": "does not say when the clip",
     "cameras: {g: c/*.txt}\ntrack: {}\nsearch: {words: [zxcv]}": "field 'search.words': ",
+    "cameras: {g: c/*.txt}\ntrack: {}\nevery_s: 10m": "'every_s' must be a number, at least 1",
+    "cameras: {g: c/*.txt}\ntrack: {}\nevery_s: .nan": "'every_s' must be a number",
     "cameras: {g: c/*.txt}\ntrack: {}\nworkers: {cores: 0}": "cores' must be a number, greater",
 }
 

@@ -2,6 +2,9 @@
 
 import errno
 import json
+import os
+import threading
+import time
 from pathlib import Path
 
 import duckdb
@@ -11,6 +14,8 @@ from fleet_plans import boxes, plan, results
 from scene4d.core.errors import InputError, OutputError
 from scene4d.fleet import _stages as stages
 from scene4d.fleet import run_fleet
+from scene4d.fleet._alone import Lease
+from scene4d.fleet._store import Store
 from scene4d.store.query import Scene
 
 
@@ -159,3 +164,89 @@ def test_the_command_tracks_searches_and_merges(folder, capsys):
     assert rows[0][3] == len(scene)
     shown = CliRunner().invoke(app, words[:-1]).stdout
     assert "gate    complete" in shown and "a person walks:" in shown
+
+
+def test_a_plan_is_done_again_with_the_clips_that_came_and_not_those_that_are_recorded(
+    folder, counted, monkeypatch
+):
+    new, hour_s = folder / "gate" / "gate-20261120T080900.txt", 3600.0
+    for path in folder.glob("*/*.txt"):
+        os.utime(path, (path.stat().st_mtime - hour_s,) * 2)
+    waits: list[float] = []
+
+    def wait(left_s: float) -> None:
+        waits.append(left_s)
+        said = json.loads((folder / "store" / "status.json").read_text())
+        told = said["done"], said["earlier"], said["recording"], said["cameras"]["gate"]["state"]
+        if len(waits) == 1:
+            assert told == (4, 0, 0, "complete")
+            new.write_text("half")
+        elif len(waits) == 2:  # it grows
+            assert told == (4, 4, 1, "complete")
+            new.write_text("the whole")
+            os.utime(new, (new.stat().st_mtime - 61,) * 2)
+        else:
+            assert told == (5, 4, 0, "complete")
+            raise KeyboardInterrupt
+
+    asked = plan(folder, "every_s: 600")
+    found = run_fleet(asked, folder / "store", wait=wait).to_dict()
+    assert (found["rounds"], len(counted), counted[4]) == (3, 5, new.name)
+    assert len(waits) == 3 and all(500 < one <= 600 for one in waits)
+
+    # A clip that is removed while a round is under way is left out; a plan that is broken ends it.
+    good = stages._STAGES["track"]
+
+    def track(job, *rest):
+        new.unlink(missing_ok=True)
+        return good(job, *rest)
+
+    monkeypatch.setitem(stages._STAGES, "track", track)
+    again = folder / "again"
+    with pytest.raises(InputError, match="unknown field 'more'"):
+        run_fleet(asked, again, wait=lambda _: plan(folder, "more: 1") and None)
+    said = json.loads((again / "status.json").read_text())
+    assert (said["done"], said["skipped"], said["running"]) == (4, 1, 0)
+
+
+@pytest.mark.parametrize("where", ["folder", "memory://city/fleet"])
+def test_one_fleet_works_on_a_store_at_a_time(folder, where):
+    where = str(folder / "store") if where == "folder" else where
+    refused = []
+
+    def work(job, address):
+        with pytest.raises(InputError, match=f"{where}: another fleet works on this store.*; wait"):
+            run_fleet(plan(folder), where)
+        refused.append(job.key)
+        raise KeyboardInterrupt
+
+    for number in (1, 2):  # the first one has ended
+        with pytest.raises(KeyboardInterrupt):
+            run_fleet(plan(folder), where, work=work)
+        assert len(refused) == number
+    assert Store(where).read("lease") is None
+
+
+def test_a_lease_that_nobody_renews_is_nobodys_and_one_that_is_lost_ends_the_fleet():
+    store = Store("memory://leased/fleet")
+    other = {"owner": "somebody", "host": "north", "pid": 7}
+    store.write("lease", other | {"renewed_s": time.time() - 50})
+    with pytest.raises(InputError, match=r"process 7 on north, 50 s ago; .*after 60 s\); wait"):
+        Lease(store).take()
+    store.write("lease", other | {"renewed_s": time.time() - 70})  # it was killed
+    mine = Lease(store)
+    mine.take()
+    mine.check()
+    store.write("lease", other | {"renewed_s": time.time()})
+    mine.keep(AtOnce())
+    with pytest.raises(OutputError, match="another fleet"):
+        mine.check()
+    mine.release()
+    assert store.read("lease")["owner"] == "somebody"
+
+
+class AtOnce(threading.Event):
+    """Time passes at once."""
+
+    def wait(self, timeout=None):
+        return False

@@ -50,7 +50,9 @@ def fleet(
 
     PLAN says what is to be done; docs/fleet.md shows one. What STORE holds already is not done
     again, so that a fleet that was killed, or whose plan has grown, goes on where it was. Clips
-    that fail by their own fault go into a quarantine with the reason; the others go on.
+    that fail by their own fault go into a quarantine with the reason; the others go on. A plan with
+    every_s is done again so often, with the clips that came, until Ctrl-C. One fleet works on STORE
+    at a time.
 
     [bold]Examples[/bold]
 

@@ -11,6 +11,7 @@
     align: {}
     search: {words: ["person enters vehicle"]}
     workers: {cores: 1, memory_gb: 2, attempts: 3}
+    every_s: 600                                       # and again ten minutes after it began
 
 What stands there is done. A folder in place of the file is a camera for each folder with videos in
 it, calibrated from its first clip or known from a ``camera.json`` there, and tracked.
@@ -18,8 +19,9 @@ it, calibrated from its first clip or known from a ``camera.json`` there, and tr
 
 import glob
 import types
-from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -42,7 +44,11 @@ _VIDEOS = frozenset({".mp4", ".m4v", ".mkv", ".mov", ".avi", ".ts", ".mpg", ".we
 _CAMERA = "camera.json"
 _OWN = frozenset({"annotations", "name", "start", "footage", "top", "landmarks"})
 """Options that differ from clip to clip, or that a plan says elsewhere."""
-_MOST_CORES, _MOST_GB = 1024.0, 4096.0
+_MOST_CORES, _MOST_GB, _MOST_S = 1024.0, 4096.0, 366 * 86_400.0
+_STILL_S = 60.0
+"""A clip that has not changed for so long is whole. Recorders write every few seconds; a share over
+NFS tells the time of change up to a minute late (``acregmax``).
+"""
 
 T = TypeVar("T")
 
@@ -51,6 +57,7 @@ T = TypeVar("T")
 class Footage:
     """A camera's clips, in order of their names; ``boxes``: they are annotations. ``camera`` is its
     calibration, None where that is to be found, and ``start`` the pattern of clips' names.
+    ``recording`` clips more are left for the next round.
     """
 
     name: str
@@ -58,6 +65,7 @@ class Footage:
     boxes: bool = False
     camera: Path | None = None
     start: str | None = None
+    recording: int = 0
 
     def begins(self, clip: Path) -> datetime | None:
         """When a clip begins; raises :class:`InputError` for a name that does not say it."""
@@ -84,7 +92,9 @@ class Workers:
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan that was read and checked; a stage that is None is not wanted."""
+    """A plan that was read and checked; a stage that is None is not wanted. It is done once, or
+    every ``every_s`` seconds.
+    """
 
     cameras: tuple[Footage, ...]
     calibrate: "CalibrateOptions | None" = None
@@ -93,6 +103,24 @@ class Plan:
     search: "SearchOptions | None" = None
     words: tuple[str, ...] = ()
     workers: Workers = Workers()
+    every_s: float | None = None
+
+    def whole(self, now_s: float) -> "Plan":
+        """Without the clips that were changed within a minute of ``now_s`` (Unix time), or are
+        gone.
+        """
+        cameras = []
+        for one in self.cameras:
+            ages = {clip: abs(now_s - changed) for clip, changed in _changed(one.clips)}
+            clips = tuple(clip for clip, age_s in ages.items() if age_s >= _STILL_S)
+            cameras.append(replace(one, clips=clips, recording=len(ages) - len(clips)))
+        return replace(self, cameras=tuple(cameras))
+
+
+def _changed(clips: Sequence[Path]) -> Iterator[tuple[Path, float]]:
+    for clip in clips:
+        with suppress(FileNotFoundError):  # it was removed meanwhile
+            yield clip, clip.stat().st_mtime
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -108,7 +136,8 @@ def read_plan(path: str | Path) -> Plan:
     if path.is_dir():
         return _of_folder(path.absolute())
     said = JsonObject(read_yaml(path), str(path))
-    said.only(("cameras", *_STAGES, "workers"))
+    said.only(("cameras", *_STAGES, "workers", "every_s"))
+    every_s = said.number("every_s", least=1.0, most=_MOST_S) if "every_s" in said else None
     cameras = said.object("cameras")
     if not cameras.names():
         raise said.error("cameras", "one camera or more")
@@ -121,6 +150,7 @@ def read_plan(path: str | Path) -> Plan:
         search,
         words,
         _workers(said),
+        every_s,
     )
     _check(plan, said)
     return plan

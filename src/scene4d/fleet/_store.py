@@ -3,6 +3,7 @@
 STAGE/CAMERA/key=KEY/...    a result, as its stage writes it: a camera, a scene, a site, events
 done/KEY.json               it is whole: written after all of it
 quarantine/KEY.json         it cannot be made, and why; remove the file to have it tried again
+lease.json                  the fleet that works on it; in a folder a lock, .lock
 clips/CAMERA.json           what the clips' content is, for those that have not changed since
 events/NUMBER.parquet       what the searches of the plan found in all cameras, best first
 status.json                 how far the plan is, camera by camera
@@ -24,7 +25,7 @@ from scene4d.core.files import write_bytes
 from scene4d.core.staging import ensure_folder
 
 _HALF = ".half"
-"""Results on their way into a folder; what killed workers left goes when a fleet starts."""
+"""Results on their way into a folder."""
 
 
 class Store:
@@ -45,15 +46,19 @@ class Store:
             ) from error
         self._root = str(root).rstrip("/")
         local = isinstance(self._fs, LocalFileSystem)
-        self._local = Path(self._root) if local else None
+        self.folder = Path(self._root) if local else None
         self.address = self._root if local else address.rstrip("/")  # workers stand elsewhere
 
     def open(self) -> None:
         """Make it where it is not there, and check that it can be written."""
-        if self._local is not None:
-            ensure_folder(self._local)
-            shutil.rmtree(self._local / _HALF, ignore_errors=True)
+        if self.folder is not None:
+            ensure_folder(self.folder)
         self.write("store", {"schema": "scene4d/fleet-store/1"})
+
+    def sweep(self) -> None:
+        """Remove what killed workers left half."""
+        if self.folder is not None:
+            shutil.rmtree(self.folder / _HALF, ignore_errors=True)
 
     def keys(self, kind: str) -> set[str]:
         """The keys of all that is ``done``, or in ``quarantine``."""
@@ -78,10 +83,15 @@ class Store:
         text = json.dumps(values, indent=1, allow_nan=False) + "\n"
         self.write_bytes(f"{name}.json", text.encode())
 
+    def remove(self, name: str) -> None:
+        """Remove NAME.json."""
+        with self._writing(name):
+            self._fs.rm_file(f"{self._root}/{name}.json")
+
     def write_bytes(self, name: str, content: bytes) -> None:
         """Write a file, whole or not at all."""
-        if self._local is not None:
-            path = self._local / name
+        if self.folder is not None:
+            path = self.folder / name
             path.parent.mkdir(parents=True, exist_ok=True)
             write_bytes(path, content)
             return
@@ -97,13 +107,13 @@ class Store:
             one for one in folder.rglob("*") if one.is_file() and not _hidden(one, folder)
         )
         with self._writing(path):
-            if self._local is None:
+            if self.folder is None:
                 there = [
                     f"{self._root}/{path}/{one.relative_to(folder).as_posix()}" for one in files
                 ]
                 self._fs.put([str(one) for one in files], there)
                 return
-            half, target = self._local / _HALF / secrets.token_hex(8), self._local / path
+            half, target = self.folder / _HALF / secrets.token_hex(8), self.folder / path
             for one in files:
                 to = half / one.relative_to(folder)
                 to.parent.mkdir(parents=True, exist_ok=True)
@@ -119,8 +129,8 @@ class Store:
 
     def fetched(self, path: str, scratch: Path) -> Path:
         """A result as a folder on this machine: that of the store, or a copy in ``scratch``."""
-        if self._local is not None:
-            return self._local / path
+        if self.folder is not None:
+            return self.folder / path
         with self._reading(path):
             target = scratch / path
             target.parent.mkdir(parents=True, exist_ok=True)

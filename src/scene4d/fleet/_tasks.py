@@ -2,10 +2,10 @@
 
 import hashlib
 import json
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
+from heapq import heappop, heappush
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -86,15 +86,16 @@ def tasks_of(plan: Plan) -> list[Task]:
 
     solved: dict[str, int] = {}
     for one in plan.cameras:
-        if plan.calibrate is not None and one.camera is None:
+        if plan.calibrate is not None and one.camera is None and one.clips:
             solved[one.name] = add(_of_clip("calibrate", plan.calibrate, one, one.clips[0]))
     tracked: dict[str, tuple[int, ...]] = {}
     if plan.track is not None:
         for one in plan.cameras:
             needs = tuple(solved[name] for name in (one.name,) if name in solved)
             made = (_of_clip("track", plan.track, one, clip) for clip in one.clips)
-            tracked[one.name] = tuple(add(replace(task, needs=needs)) for task in made)
-    if plan.align is not None:
+            if one.clips:
+                tracked[one.name] = tuple(add(replace(task, needs=needs)) for task in made)
+    if plan.align is not None and tracked:
         everything = tuple(number for numbers in tracked.values() for number in numbers)
         add(Task("align", SITE, plan.align, needs=everything, strict=False))
     if plan.search is not None:
@@ -147,21 +148,17 @@ class Line:
         for number, task in enumerate(tasks):
             for need in set(task.needs):
                 self._after.setdefault(need, []).append(number)
-        self._ready = [number for number, count in enumerate(self._open) if not count][::-1]
-        self.skipped: Counter[str] = Counter()
+        self._ready = [number for number, count in enumerate(self._open) if not count]
 
     def next(self) -> int | None:
         """The number of a task; None where none can be done before others have ended."""
-        while self._ready:
-            number = self._ready.pop()
-            task = self.tasks[number]
-            there = [need for need in task.needs if need in self.results]
-            if task.needs and (not there or (task.strict and len(there) < len(task.needs))):
-                self.skipped[task.camera] += 1
-                self.ended(number, None)
-                continue
-            return number
-        return None
+        return heappop(self._ready) if self._ready else None
+
+    def lacks(self, number: int) -> bool:
+        """Whether a task cannot be done, since what it stands on came to no result."""
+        task = self.tasks[number]
+        there = len(self.needs(number))
+        return bool(task.needs) and there < (len(task.needs) if task.strict else 1)
 
     def needs(self, number: int) -> tuple[Need, ...]:
         """The results that a task stands on."""
@@ -175,4 +172,4 @@ class Line:
         for other in self._after.get(number, ()):
             self._open[other] -= 1
             if not self._open[other]:
-                self._ready.append(other)
+                heappush(self._ready, other)

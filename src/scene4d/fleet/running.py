@@ -2,20 +2,23 @@
 
 import logging
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 from typing import Any
 
 from scene4d.core.errors import OutputError, UnavailableError
 from scene4d.core.progress import Advance, Progress, Silent
+from scene4d.fleet._alone import alone
 from scene4d.fleet._clips import Clips
 from scene4d.fleet._here import Executor, Here
 from scene4d.fleet._merging import merged
 from scene4d.fleet._plan import Plan, read_plan
-from scene4d.fleet._stages import KILLED, LOST, Outcome, Work, said_of, work
+from scene4d.fleet._stages import KILLED, LOST, Work, said_of, work
 from scene4d.fleet._status import Status
 from scene4d.fleet._store import Store
-from scene4d.fleet._tasks import Job, Line, key_of, tasks_of
+from scene4d.fleet._tasks import Job, Line, Task, key_of, tasks_of
 
 _log = logging.getLogger("scene4d")
 _ERRORS = {kind.kind: kind for kind in (OutputError, UnavailableError)}
@@ -27,19 +30,21 @@ _SAVED_EVERY_S = 5.0
 class FleetRun:
     """What became of a plan: the store, the state of each camera, what is in quarantine (``key``,
     ``stage``, ``camera``, ``clip``, ``reason``), and the events of each search, best first, over
-    all cameras.
+    all cameras. Of several rounds it is the last one.
     """
 
     store: str
-    status: Status
+    status: dict[str, Any]
     quarantine: list[dict[str, Any]] = field(default_factory=list)
     events: dict[str, dict[str, Any]] = field(default_factory=dict)
+    rounds: int = 1
 
     def to_dict(self) -> dict[str, Any]:
         """The output of ``--json``."""
         return {
             "out": self.store,
-            **self.status.to_dict(),
+            "rounds": self.rounds,
+            **self.status,
             "quarantine": self.quarantine,
             "searches": self.events,
         }
@@ -52,6 +57,7 @@ def run_fleet(
     ray: str | None = None,
     progress: Progress | None = None,
     work: Work = work,
+    wait: Callable[[float], None] = time.sleep,
 ) -> FleetRun:
     """Do what a plan says, but for what the store holds already; may be killed and run again.
 
@@ -59,44 +65,74 @@ def run_fleet(
     that fsspec knows, as ``s3://bucket/fleet``. Tasks run one after the other in this process, or
     on Ray: ``ray`` is the address of a cluster, or ``"local"`` for one on this machine. A clip that
     fails by its own fault, or kills one worker after another, is put into the store's quarantine,
-    and the others go on. ``work`` does one task.
+    and the others go on. ``work`` does one task. A plan with ``every_s`` is read and done again
+    that long after it was begun, until ``wait`` (seconds) is interrupted (Ctrl-C).
 
-    Raises :class:`InputError` for a plan that is not as it must be; :class:`OutputError` and
-    :class:`UnavailableError` where the next clip would fail as well (a full disk, no weights,
-    a cluster that is gone); what is done by then stays.
+    Raises :class:`InputError` for a plan that is not as it must be, and for a store on which
+    another fleet works; :class:`OutputError` and :class:`UnavailableError` where the next clip
+    would fail as well (a full disk, no weights, a cluster that is gone); what is done by then
+    stays.
     """
-    plan = plan if isinstance(plan, Plan) else read_plan(plan)
+    progress = progress or Silent()
+    asked = _read(plan)
     there = Store(str(store))
-    there.open()
-    executor = _executor(plan, there.address, ray, work)
+    with alone(there) as check:
+        for rounds in count(1):
+            begun_s = time.monotonic()
+            found = _round(asked, there, ray, progress, work, check, rounds)
+            if asked.every_s is None:
+                break
+            left_s = begun_s + asked.every_s - time.monotonic()
+            try:
+                with progress.stage("Waiting for the next round", None):
+                    wait(max(left_s, 0.0))
+            except KeyboardInterrupt:
+                break
+            asked = _read(plan)
+    return found
+
+
+def _read(plan: str | Path | Plan) -> Plan:
+    asked = plan if isinstance(plan, Plan) else read_plan(plan)
+    return asked if asked.every_s is None else asked.whole(time.time())
+
+
+def _round(
+    plan: Plan,
+    store: Store,
+    ray: str | None,
+    progress: Progress,
+    work: Work,
+    check: Callable[[], None],
+    number: int,
+) -> FleetRun:
+    executor: Executor
+    if ray is None:
+        executor = Here(store.address, work)
+    else:
+        from scene4d.fleet._ray import OnRay
+
+        executor = OnRay(store.address, ray, plan.workers, work)
     try:
-        fleet = _Fleet(plan, there, executor)
-        with (progress or Silent()).stage(
-            "Working through the plan", len(fleet.line.tasks)
-        ) as step:
+        fleet = _Fleet(plan, store, executor, check)
+        with progress.stage("Working through the plan", len(fleet.line.tasks)) as step:
             fleet.run(step)
     finally:
         executor.close()
-    events = merged(plan.words, fleet.line, there)
-    return FleetRun(there.address, fleet.status, fleet.quarantine, events)
-
-
-def _executor(plan: Plan, address: str, ray: str | None, work: Work) -> Executor:
-    if ray is None:
-        return Here(address, work)
-    from scene4d.fleet._ray import OnRay
-
-    return OnRay(address, ray, plan.workers, work)
+    check()
+    events = merged(plan.words, fleet.line, store)
+    return FleetRun(store.address, fleet.status.to_dict(), fleet.quarantine, events, number)
 
 
 class _Fleet:
-    """The state of a run; the store is all that outlives it."""
+    """The state of a round; the store is all that outlives it."""
 
-    def __init__(self, plan: Plan, store: Store, executor: Executor) -> None:
-        self._store, self._executor = store, executor
-        self._attempts_most = plan.workers.attempts
+    def __init__(
+        self, plan: Plan, store: Store, executor: Executor, check: Callable[[], None]
+    ) -> None:
+        self._plan, self._store, self._executor, self._check = plan, store, executor, check
         self.line = Line(tasks_of(plan))
-        self.status = Status(self.line.tasks)
+        self.status = Status(plan, self.line.tasks)
         self.quarantine: list[dict[str, Any]] = []
         self._done, self._bad = store.keys("done"), store.keys("quarantine")
         self._clips = Clips(store)
@@ -112,28 +148,41 @@ class _Fleet:
                 if time.monotonic() >= self._save_at_s:
                     self._save()
         finally:
-            self._running.clear()
+            for job in self._running.values():
+                self.status.add(job.task, running=-1)
             self._save()
 
     def _fill(self, step: Advance) -> bool:
         """Give the executor what it has room for; whether it has anything to do."""
         while self._executor.free:
+            self._check()
             number = self.line.next()
             if number is None:
                 break
             task, needs = self.line.tasks[number], self.line.needs(number)
+            if self.line.lacks(number) or self._is_gone(task):
+                self._ended(number, None, step, skipped=1)
+                continue
             sha256 = None if task.clip is None else self._clips.sha256(task.camera, task.clip)
             job = Job(task, key_of(task, sha256, needs), needs)
             if job.key in self._done:
-                self._ended(number, job, Outcome(), step, earlier=True)
+                self._ended(number, job.key, step, done=1, earlier=1)
             elif job.key in self._bad:
                 said = self._store.read(f"quarantine/{job.key}") or {}
-                self._put_aside(number, job, said, step, None)
+                self._put_aside(number, job, said, step)
             else:
                 self._running[number] = job
-                self.status.began(task)
+                self.status.add(task, running=1)
                 self._executor.begin(number, job)
         return bool(self._running)
+
+    def _is_gone(self, task: Task) -> bool:
+        """Whether a clip was removed since the plan was read, as where footage is kept for days."""
+        if self._plan.every_s is None or task.clip is None or task.clip.exists():
+            return False
+        if gone := task.clip.parent.is_dir():  # else it is the disk that is gone
+            _log.warning("%s: was removed and is left out", task.shown)
+        return gone
 
     def _take(self, step: Advance) -> None:
         if not self._running:
@@ -148,39 +197,33 @@ class _Fleet:
         if outcome.ends_all:
             raise _ERRORS[str(outcome.kind)](outcome.reason)
         del self._running[number]
+        self.status.add(job.task, running=-1, cpu_s=outcome.cpu_s, footage_s=outcome.footage_s)
         if outcome.kind is None:
             self._done.add(job.key)
-            self._ended(number, job, outcome, step)
+            self._ended(number, job.key, step, done=1)
             return
         reason = outcome.reason
         if outcome.kind == KILLED:
             reason = f"it killed {self._killed[number]} workers ({reason})"
         said = said_of(job) | {"kind": outcome.kind, "reason": reason}
         self._store.write(f"quarantine/{job.key}", said)
-        self._put_aside(number, job, said, step, outcome)
+        self._put_aside(number, job, said, step)
 
     def _again(self, number: int) -> bool:
         """Whether a job that killed its worker gets another one."""
         self._killed[number] = self._killed.get(number, 0) + 1
-        return self._killed[number] < self._attempts_most
+        return self._killed[number] < self._plan.workers.attempts
 
-    def _ended(
-        self, number: int, job: Job, outcome: Outcome, step: Advance, *, earlier: bool = False
-    ) -> None:
-        self.status.ended(job.task, outcome, earlier=earlier)
-        self.line.ended(number, job.key)
+    def _ended(self, number: int, key: str | None, step: Advance, **how: int) -> None:
+        self.status.add(self.line.tasks[number], **how)
+        self.line.ended(number, key)
         step(1)
 
-    def _put_aside(
-        self, number: int, job: Job, said: dict[str, Any], step: Advance, outcome: Outcome | None
-    ) -> None:
+    def _put_aside(self, number: int, job: Job, said: dict[str, Any], step: Advance) -> None:
         self.quarantine.append(said_of(job) | said)
-        self.status.put_aside(job.task, outcome)
-        self.line.ended(number, None)
-        step(1)
+        self._ended(number, None, step, quarantined=1)
 
     def _save(self) -> None:
         self._save_at_s = time.monotonic() + _SAVED_EVERY_S
         self._clips.save()
-        self.status.skipped = self.line.skipped
         self._store.write("status", {"schema": "scene4d/fleet-status/1"} | self.status.to_dict())
