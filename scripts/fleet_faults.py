@@ -23,14 +23,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / name) for name in ("tests/fleet", "tests", "src")]
-os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
-os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
 
-from fleet_plans import boxes, plan, results, tiny_work  # noqa: E402
+from fleet_plans import NODE, boxes, head, plan, results, tiny_work  # noqa: E402
 
 from scene4d.fleet import read_plan, run_fleet  # noqa: E402
 
-NODE = {"num_cpus": 1, "object_store_memory": 80 * 2**20, "memory": 2 * 10**9}
 CLIPS = 20
 CHILD = """
 import sys
@@ -44,10 +41,7 @@ class Nodes:
     """A head without work, and two nodes with a core each."""
 
     def __init__(self) -> None:
-        from ray.cluster_utils import Cluster
-
-        head = NODE | {"num_cpus": 0, "include_dashboard": False}
-        self.cluster = Cluster(True, head_node_args=head)
+        self.cluster = head(0)
         self.nodes: list = []
         self.filled()
 
@@ -90,7 +84,7 @@ def equal(folder: Path, store: Path, what: str) -> None:
     check(not list((store / ".half").glob("*")), f"{what}: half a result was left")
 
 
-def kill_workers_and_nodes(folder: Path, path: Path, kills: int, rng: random.Random) -> None:
+def kill_workers_and_nodes(folder: Path, path: Path, kills: int, rng: random.Random) -> str:
     there, killed, round_ = Nodes(), {"worker": 0, "node": 0}, 0
     while sum(killed.values()) < kills:
         shutil.rmtree(folder / "workers", ignore_errors=True)
@@ -112,12 +106,11 @@ def kill_workers_and_nodes(folder: Path, path: Path, kills: int, rng: random.Ran
         thread.join()
         equal(folder, store, "kills")
     there.cluster.shutdown()
-    print(
-        f"{killed['worker']} workers and {killed['node']} nodes killed in {round_} runs: the same"
-    )
+    return f"{killed['worker']} workers and {killed['node']} nodes in {round_} runs"
 
 
-def kill_head_and_program(folder: Path, path: Path, rng: random.Random) -> None:
+def kill_head_and_program(folder: Path, path: Path, rng: random.Random) -> str:
+    told = []
     for number, what in enumerate(("head", "program", "program", "program alone")):
         store = folder / f"restarted{number}"
         there = None if what == "program alone" else Nodes()
@@ -148,12 +141,14 @@ def kill_head_and_program(folder: Path, path: Path, rng: random.Random) -> None:
         there.cluster.shutdown()
         check(found.to_dict()["earlier"] >= kept, f"{what}: results were lost")
         equal(folder, store, what)
-        print(f"{what} killed after {kept} of {2 * CLIPS} clips: none was done again, the same")
+        told.append(f"{what} after {kept}")
+        print(f"killed: {told[-1]}", flush=True)
+    return ", ".join(told)
 
 
-def fill_disk(folder: Path, path: Path) -> None:
-    store = folder / "full"
-    for size in (100, 2_000, 20_000):
+def fill_disk(folder: Path, path: Path) -> str:
+    store, sizes = folder / "full", (100, 2_000, 20_000)
+    for size in sizes:
 
         def limited(size: int = size) -> None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
@@ -170,7 +165,7 @@ def fill_disk(folder: Path, path: Path) -> None:
     run_fleet(path, folder / "room")
     tables = [set(results(one)) for one in (store, folder / "room")]
     check(tables[0] == tables[1] and len(tables[0]) > 0, "full disk: other results afterwards")
-    print("a full disk is one error; with room again the fleet ends")
+    return f"{len(sizes)} full disks"
 
 
 def main() -> None:
@@ -178,16 +173,22 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
-    rng = random.Random(given.seed)
+    rng, begun_s = random.Random(given.seed), time.monotonic()
     with tempfile.TemporaryDirectory(prefix="fleet-faults-") as name:
         folder = boxes(Path(name), clips=CLIPS)
         path = plan(folder, "workers: {cores: 1, memory_gb: 1, attempts: 50}")
         run_fleet(path, folder / "quiet", work=tiny_work)
-        kill_workers_and_nodes(folder, path, given.kills, rng)
-        kill_head_and_program(folder, path, rng)
+        killed = kill_workers_and_nodes(folder, path, given.kills, rng)
+        print(f"killed: {killed}", flush=True)
+        restarted = kill_head_and_program(folder, path, rng)
     with tempfile.TemporaryDirectory(prefix="fleet-faults-") as name:
         folder = boxes(Path(name), clips=1)
-        fill_disk(folder, plan(folder))
+        full = fill_disk(folder, plan(folder))
+    print(
+        f"fleet_faults: killed {killed}; {restarted} of {2 * CLIPS} clips; {full}: each time the "
+        f"store of an undisturbed run, no clip done twice (seed {given.seed}, "
+        f"{time.monotonic() - begun_s:.0f} s)"
+    )
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 from unittest.mock import patch
@@ -11,6 +12,18 @@ from scene4d.fleet import _stages as stages
 from walks import CAMERA, FPS, mot_text
 
 CAMERAS = ("gate", "yard")
+NODE = {"num_cpus": 1, "object_store_memory": 80 * 2**20, "memory": 2 * 10**9}
+"""A machine of a cluster, as small as Ray lets it be."""
+
+
+def head(cores: int):
+    """A cluster on this machine, of its head alone."""
+    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))  # workers take what is here
+    from ray.cluster_utils import Cluster
+
+    args = NODE | {"num_cpus": cores, "include_dashboard": False}
+    return Cluster(True, head_node_args=args)
 
 
 def boxes(folder: Path, clips: int = 2) -> Path:

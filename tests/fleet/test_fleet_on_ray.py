@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-from fleet_plans import boxes, plan, results, tiny_work
+from fleet_plans import NODE, boxes, head, plan, results, tiny_work
 
 from scene4d.core.errors import UnavailableError
 from scene4d.fleet import read_plan, run_fleet
@@ -21,13 +21,8 @@ from scene4d.fleet._ray import OnRay
 @pytest.fixture(scope="module")
 def cluster():
     """A head, and a node that may be killed; a core each."""
-    os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
-    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))  # workers take what is here
-    from ray.cluster_utils import Cluster
-
-    small = {"num_cpus": 1, "object_store_memory": 80 * 2**20, "memory": 2 * 10**9}
-    made = Cluster(True, head_node_args=small | {"include_dashboard": False})
-    made.victim = made.add_node(**small)
+    made = head(1)
+    made.victim = made.add_node(**NODE)
     yield made
     made.shutdown()
 

@@ -80,8 +80,8 @@ def test_a_key_follows_from_content_stage_options_and_needs(folder):
 
 REFUSED = {
     "": "is empty",
-    "cameras: [": "line 1: is not YAML",
-    "a: &a [1]\nb: *a": r"line 1: \*alias is not read",
+    "cameras: [": "line [12]: is not valid YAML",
+    "a: &a [1]\nb: *a": r"line 1: aliases \(\*\) are not read",
     "cameras: {g: nowhere.mp4}": "field 'cameras.g' must be files that are there",
     "cameras: {g: 3}": "field 'cameras.g' must be an object, found 3",
     "cameras: {g: {}}": "field 'cameras.g.footage' is missing: it must be given, or boxes",

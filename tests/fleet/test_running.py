@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import shutil
 import threading
 import time
 from pathlib import Path
@@ -84,7 +85,7 @@ def test_a_killed_fleet_goes_on_and_ends_the_same(folder, counted, monkeypatch, 
     assert not list((folder / "store").glob(".half/*"))
 
 
-def test_a_clip_that_fails_is_put_aside_with_its_reason(folder, counted, monkeypatch):
+def test_a_clip_that_fails_is_put_aside_with_its_reason(folder, monkeypatch):
     good, tries = stages._STAGES["track"], []
 
     def track(job, *rest):
@@ -164,6 +165,13 @@ def test_the_command_tracks_searches_and_merges(folder, capsys):
     assert rows[0][3] == len(scene)
     shown = CliRunner().invoke(app, words[:-1]).stdout
     assert "gate    complete" in shown and "a person walks:" in shown
+
+    # A search of what is no scene any more does not find nothing: it says what is to be mended.
+    shutil.rmtree(clips[0] / "runs")
+    asked = plan(folder, "search: {words: [a person runs]}")
+    (aside,) = run_fleet(asked, folder / "store").quarantine
+    assert aside["camera"] == "gate"
+    assert aside["reason"].startswith(f"{clips[0]}: is no scene, or was spoilt; remove it and ")
 
 
 def test_a_plan_is_done_again_with_the_clips_that_came_and_not_those_that_are_recorded(

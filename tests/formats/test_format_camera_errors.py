@@ -51,6 +51,7 @@ CASES = [
     ("a.yml", YAML + "R: [1, 0]\nT: [0, 0, 0]\n", "expected 3x3 or 3 numbers, found 2"),
     ("a.yml", YAML.replace("   rows: 3", "   - rows: 3"), "line [0-9]+: is not valid YAML"),
     ("a.yml", "camera_matrix: !!opencv-matrix [1, 2]\n", "line 1: is not valid YAML"),
+    ("a.yml", "camera_matrix: [1]\ncamera_matrix: [2]\n", "line 2: the name .* is there twice"),
     ("a.yml", lines([0, 0, 0, 0, 1]) + "fisheye_model: 1\n", "fisheye lens has the four .*found 5"),
     ("a.yml", lines([0.1, 0, 0, 0, 0, 0.2, 0, 0]), "rational model"),
     ("a.yml", lines([0.1, 0, 0, 0, 0, 0, 0, 0, 0.2, 0, 0, 0]), "thin prism model"),

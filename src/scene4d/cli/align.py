@@ -92,7 +92,7 @@ def _with_remedy(reason: str) -> str:
 def _show(found: "Alignment") -> None:
     from rich.table import Table
 
-    from scene4d.cli.output import screen
+    from scene4d.cli.output import print_warnings, screen
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
     for title in ("Camera", "East or right", "North or ahead", "Heading", "Clock", "Scale"):
@@ -109,8 +109,7 @@ def _show(found: "Alignment") -> None:
             console.print(table)
         for line in undetermined:
             console.print(line, style="yellow", soft_wrap=True)
-        for warning in found.warnings:
-            console.print(f"Warning  {warning}", style="yellow", soft_wrap=True)
+        print_warnings(console, found.warnings)
         console.print(
             f"\nPeople and vehicles  {said['identities']} in {said['tracks']} tracks, "
             f"{said['seen_by_several']} seen by more than one camera"

@@ -75,7 +75,7 @@ def fleet(
 def _show(found: "FleetRun", warnings: list[str]) -> None:
     from rich.table import Table
 
-    from scene4d.cli.output import screen
+    from scene4d.cli.output import print_warnings, screen
 
     said = found.to_dict()
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
@@ -88,8 +88,8 @@ def _show(found: "FleetRun", warnings: list[str]) -> None:
         table.add_row(name, one["state"], *map(str, counts), str(aside), *hours)
     with screen() as console:
         console.print(table)
-        for warning in warnings:
-            console.print(f"\nWarning  {warning}", style="yellow", soft_wrap=True)
+        console.print()
+        print_warnings(console, warnings)
         for one in found.quarantine[:_MOST_LINES]:
             clip = f" {one['clip']}" if one["clip"] else ""
             text = f"  {one['stage']} {one['camera']}{clip}: {one['reason']}"

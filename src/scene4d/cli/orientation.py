@@ -89,7 +89,7 @@ def orientation(
 def _show(reading: "OrientationReading", figure: Path | None) -> None:
     from rich.table import Table
 
-    from scene4d.cli.output import screen
+    from scene4d.cli.output import print_warnings, screen
 
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
     table.add_column("Read", style="bold", no_wrap=True)
@@ -101,8 +101,7 @@ def _show(reading: "OrientationReading", figure: Path | None) -> None:
     with screen() as console:
         console.print(table)
         console.print(f"\nFrom {count}. Field of view: vertical, of the whole image.", style="dim")
-        for text in (*_vague(reading), *reading.notes):
-            console.print(f"Warning  {text}", style="yellow")
+        print_warnings(console, (*_vague(reading), *reading.notes))
         if figure is not None:
             folder = figure.parent.parent
             console.print(f"\nFigure   {figure}", soft_wrap=True)

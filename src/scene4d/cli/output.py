@@ -2,7 +2,7 @@
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -91,6 +91,12 @@ def screen() -> Iterator["Console"]:
     with console.capture() as captured:
         yield console
     emit("".join(f"{line.rstrip()}\n" for line in captured.get().splitlines()))
+
+
+def print_warnings(console: "Console", warnings: Iterable[str]) -> None:
+    """A line for each."""
+    for warning in warnings:
+        console.print(f"Warning  {warning}", style="yellow", soft_wrap=True)
 
 
 def _encodable(text: str, encoding: str | None) -> str:

@@ -163,7 +163,7 @@ def _times(timings: dict[str, float]) -> str:
 def _show(run: "TrackRun") -> None:
     from rich.table import Table
 
-    from scene4d.cli.output import screen
+    from scene4d.cli.output import print_warnings, screen
 
     table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column(style="bold", no_wrap=True)
@@ -178,8 +178,7 @@ def _show(run: "TrackRun") -> None:
     table.add_row("Time taken", _times(run.timings))
     with screen() as console:
         console.print(table)
-        for warning in run.warnings:
-            console.print(f"Warning  {warning}", style="yellow")
+        print_warnings(console, run.warnings)
         console.print(f"\nScene    {run.scene}", soft_wrap=True)
         if run.picture is not None:
             console.print(f"Picture  {run.picture}", soft_wrap=True)

@@ -227,13 +227,12 @@ def _tell(event: dict[str, Any], *, several: bool) -> None:
 
 
 def _show(runs: "list[WatchRun]") -> None:
-    from scene4d.cli.output import screen
+    from scene4d.cli.output import print_warnings, screen
 
     with screen() as console:
         for run in runs:
             console.print(_summary(run, several=len(runs) > 1))
-        for warning in [text for run in runs for text in run.warnings]:
-            console.print(f"Warning  {warning}", style="yellow")
+        print_warnings(console, (text for run in runs for text in run.warnings))
         console.print(f"\nScene    {runs[0].scene}", soft_wrap=True)
         for run in runs:
             if run.picture is not None:

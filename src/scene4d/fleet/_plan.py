@@ -28,9 +28,10 @@ from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin, get
 
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
-from scene4d.core.text import quoted
-from scene4d.fleet._yaml import read_yaml
+from scene4d.core.text import prefixed, quoted, read_text
+from scene4d.core.yaml_text import load_yaml
 from scene4d.store.runs import file_name
+from scene4d.video.frames import VIDEO_SUFFIXES
 
 if TYPE_CHECKING:  # a worker loads those of its own task alone
     from scene4d.alignment import AlignOptions
@@ -39,8 +40,6 @@ if TYPE_CHECKING:  # a worker loads those of its own task alone
     from scene4d.tracking import TrackOptions
 
 _STAGES = ("calibrate", "track", "align", "search")
-_VIDEOS = frozenset({".mp4", ".m4v", ".mkv", ".mov", ".avi", ".ts", ".mpg", ".webm"})
-"""What counts as a clip in a folder; a plan in a file may name anything."""
 _CAMERA = "camera.json"
 _OWN = frozenset({"annotations", "name", "start", "footage", "top", "landmarks"})
 """Options that differ from clip to clip, or that a plan says elsewhere."""
@@ -135,7 +134,10 @@ def read_plan(path: str | Path) -> Plan:
     base = path.parent.absolute()  # workers stand elsewhere
     if path.is_dir():
         return _of_folder(path.absolute())
-    said = JsonObject(read_yaml(path), str(path))
+    try:
+        said = JsonObject(load_yaml(read_text(path)), str(path))
+    except InputError as error:
+        raise prefixed(error, path) from error
     said.only(("cameras", *_STAGES, "workers", "every_s"))
     every_s = said.number("every_s", least=1.0, most=_MOST_S) if "every_s" in said else None
     cameras = said.object("cameras")
@@ -162,13 +164,13 @@ def _of_folder(folder: Path) -> Plan:
 
     found = []
     for here in (folder, *sorted(one for one in folder.iterdir() if one.is_dir())):
-        clips = sorted(one for one in here.iterdir() if one.suffix.lower() in _VIDEOS)
+        clips = sorted(one for one in here.iterdir() if one.suffix.lower() in VIDEO_SUFFIXES)
         known = here / _CAMERA
         if clips:
             name = here.resolve().name
             found.append(Footage(name, tuple(clips), camera=known if known.is_file() else None))
     if not found:
-        endings = " ".join(sorted(_VIDEOS))
+        endings = " ".join(sorted(VIDEO_SUFFIXES))
         raise InputError(f"{folder}: holds no clips ({endings}), nor do its folders")
     return Plan(tuple(found), calibrate=CalibrateOptions(), track=TrackOptions())
 

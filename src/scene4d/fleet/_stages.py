@@ -15,7 +15,8 @@ from scene4d.core.errors import InputError, OutputError, Scene4DError, Unavailab
 from scene4d.core.files import write_bytes, write_json
 from scene4d.core.progress import Silent
 from scene4d.fleet._store import Store
-from scene4d.fleet._tasks import Job
+from scene4d.fleet._tasks import Job, Need
+from scene4d.store.runs import Run, complete_runs, file_name
 
 EVENTS = "events.parquet"
 _CAMERA = "camera.json"
@@ -145,15 +146,18 @@ def _track(job: Job, store: Store, scratch: Path, out: Path) -> float:
 def _align(job: Job, store: Store, scratch: Path, out: Path) -> float:
     from scene4d.alignment import align
     from scene4d.store.joining import join
-    from scene4d.store.runs import complete_runs, file_name
 
     cameras: dict[str, list[Path]] = {}
+    seen: set[str] = set()
     for need in job.needs:
-        cameras.setdefault(need.camera, []).append(store.fetched(need.path, scratch))
+        folder, runs = _scene(need, store, scratch)
+        cameras.setdefault(need.camera, []).append(folder)
+        if any(run.rows for run in runs):
+            seen.add(need.camera)
     scenes = [
         join(folders, out / "scenes" / file_name(camera, "camera"))
         for camera, folders in cameras.items()
-        if any(run.rows for folder in folders for run in complete_runs(folder))
+        if camera in seen
     ]
     found = align(scenes, out / "site", job.task.options)
     if not found:
@@ -167,22 +171,33 @@ def _search(job: Job, store: Store, scratch: Path, out: Path) -> float:
     from scene4d.searching import search
     from scene4d.searching.activities.catalogue import load_catalogue
     from scene4d.searching.language import parse_query
-    from scene4d.store.runs import complete_runs
 
     options = job.task.options
-    folders = [store.fetched(need.path, scratch) for need in job.needs]
-    runs = [run for folder in folders for run in complete_runs(folder)]
+    scenes = [_scene(need, store, scratch) for need in job.needs]
+    runs = [run for _, of_one in scenes for run in of_one]
     said = {"words": job.task.words, "runs": len(runs), "events": 0}
     activity = parse_query(job.task.words, load_catalogue(*options.catalogues)).activity
     # Where nobody of the kind was ever tracked, nothing is found; alone it would be an error.
     if any(run.rows and activity.playable_by(run.classes) for run in runs):
-        found = search(folders, job.task.words, options)
+        found = search([folder for folder, _ in scenes], job.task.words, options)
         table = io.BytesIO()
         write_parquet(found.to_arrow(), table)
         write_bytes(out / EVENTS, table.getvalue())
         said["events"] = len(found)
     write_json(out / "search.json", said)
     return 0.0
+
+
+def _scene(need: Need, store: Store, scratch: Path) -> tuple[Path, tuple[Run, ...]]:
+    """A tracked clip on this machine; raises :class:`InputError` where its result is no scene."""
+    folder = store.fetched(need.path, scratch)
+    runs = complete_runs(folder)
+    if not runs:
+        raise InputError(
+            f"{store.address}/{need.path}: is no scene, or was spoilt; remove it and "
+            f"{store.address}/done/{need.key}.json to have its clip tracked again"
+        )
+    return folder, runs
 
 
 def _clip(job: Job) -> Path:

@@ -16,8 +16,8 @@ _MOST_SIDE_PX = 32_766
 """OpenCV cannot remap or warp longer sides (SHRT_MAX)."""
 _LEAST_SIDE_PX = 8
 """Smaller images show nothing, and scaling them leaves no pixel."""
-
-
+VIDEO_SUFFIXES = frozenset({".avi", ".m4v", ".mkv", ".mov", ".mp4", ".mpg", ".ts", ".webm"})
+"""What counts as a video in a folder; a file that is named may be called anything."""
 FRAGMENTS = {"movflags": "frag_keyframe+empty_moov+default_base_moof"}
 """Options of FFmpeg for an MP4 that browsers can append to what they have."""
 

@@ -130,7 +130,7 @@ def test_a_file_of_ones_own_is_read_beside_it(tmp_path):
         ("name: goes", "name: waits", 3, "twice"),
         ("      other: [person, bicycle]", "      person: bicycle", 8, "twice"),
         ("description: Somebody stays beside another.", "description: [a]", 3, "expected a word"),
-        ("    roles:\n", "    roles: [1, 2\n", None, "not YAML"),
+        ("    roles:\n", "    roles: [1, 2\n", None, "not valid YAML"),
         ("person_waits:", "person_enters_vehicle:", None, "exists already"),
         ("[person waits]", "[person enters vehicle]", None, "already means"),
     ],
@@ -156,7 +156,7 @@ def test_a_mistake_is_named_with_its_line(tmp_path, old, new, line, says):
         ("activities:\n  x: {roles: {}, phases: []}\n", "no role"),
         ("a: &a [*a]\nactivities: {x: *a}", "unknown key 'a'"),
         ("activities: &a {x: *a}", "unknown key 'x'"),
-        ("\x00", "not YAML"),
+        ("\x00", "not valid YAML"),
         ("!!python/object/apply:os.system ['true']", "expected key: value"),
     ],
 )

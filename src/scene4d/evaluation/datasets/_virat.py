@@ -21,9 +21,9 @@ from scene4d.evaluation.datasets._reference import PUBLISHED, Meetings, Referenc
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.homographies import read_ground_map
 from scene4d.searching.predicates import NEAR_TAU_M
+from scene4d.video.frames import VIDEO_SUFFIXES
 
 _OBJECTS = ".viratdata.objects.txt"
-_VIDEO_SUFFIXES = frozenset({".mp4", ".avi", ".mov", ".mkv"})
 _VEHICLES = ("car", "vehicle")
 _PLACE_M = 1.0
 """A vehicle counts once per ground square of this side, so a parked one counts once and not once
@@ -135,7 +135,7 @@ def _homography(folder: Path, files: Sequence[Path], scene: str, clip: str) -> P
 
 
 def _video(files: Sequence[Path], clip: str) -> Path | None:
-    found = [f for f in files if f.stem == clip and f.suffix.lower() in _VIDEO_SUFFIXES]
+    found = [f for f in files if f.stem == clip and f.suffix.lower() in VIDEO_SUFFIXES]
     return _only(found, f"the video of clip {clip}") if found else None
 
 

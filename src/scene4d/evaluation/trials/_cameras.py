@@ -26,8 +26,8 @@ from scene4d.formats.cameras import read_calibration
 from scene4d.formats.homographies import read_reference
 from scene4d.formats.points import read_points
 from scene4d.video.background import calibrated_view
+from scene4d.video.frames import VIDEO_SUFFIXES
 
-_VIDEO_SUFFIXES = (".avi", ".mp4", ".mkv", ".mov", ".mpg")
 _NO_VIDEO = "There is no video in this folder: the lines that need one were left out."
 _NO_PICTURES = (
     "There are no pictures here for the orientation network to read: its lines are left out."
@@ -186,7 +186,7 @@ def _grid(reference: Reference) -> Float[np.ndarray, "n 2"]:
 def _video(
     folder: Path, options: CalibrateOptions, reference: Reference, progress: Progress
 ) -> tuple[list[Input], list[str]]:
-    videos = sorted(p for p in folder.iterdir() if p.suffix.lower() in _VIDEO_SUFFIXES)
+    videos = sorted(p for p in folder.iterdir() if p.suffix.lower() in VIDEO_SUFFIXES)
     if not videos:
         return [], [_NO_VIDEO]
     if len(videos) > 1:

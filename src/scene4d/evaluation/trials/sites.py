@@ -29,9 +29,9 @@ from scene4d.formats.cameras import read_camera
 from scene4d.store.site import Site
 from scene4d.store.site_file import is_site
 from scene4d.tracking import track
+from scene4d.video.frames import VIDEO_SUFFIXES
 
 _CAMERA_FILES = (".json", ".krtd", ".xml", ".yml", ".yaml", ".ci", ".txt")
-_VIDEOS = (".mp4", ".avi", ".mkv", ".mov")
 _OFFSETS = "offsets.json"
 _WAY_STEP_S = 0.5
 
@@ -118,7 +118,7 @@ def _site(folder: Path, site: str | Path | None, work: Path, progress: Progress)
         return Site.open(sites[0])
     scenes = [path for path in inside if (path / "runs").is_dir()]
     if not scenes:
-        videos = sorted(path for path in folder.iterdir() if path.suffix.lower() in _VIDEOS)
+        videos = sorted(path for path in folder.iterdir() if path.suffix.lower() in VIDEO_SUFFIXES)
         scenes = [_scene(video, work / video.stem, progress) for video in videos]
     if not scenes:
         raise InputError(f"{folder}: holds no site, no scenes and no videos to make one of")

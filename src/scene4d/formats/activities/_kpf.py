@@ -12,7 +12,7 @@ from typing import Any
 
 from scene4d.core.errors import InputError
 from scene4d.core.text import prefixed, quoted, read_text
-from scene4d.formats._yaml_text import load_yaml
+from scene4d.core.yaml_text import load_yaml
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from scene4d.core.errors import InputError
 from scene4d.core.text import floats, quoted
-from scene4d.formats._yaml_text import load_yaml
+from scene4d.core.yaml_text import load_yaml
 
 
 def yaml_fields(text: str) -> dict[str, Any]:
@@ -20,7 +20,7 @@ def yaml_fields(text: str) -> dict[str, Any]:
     values = load_yaml(text)
     if not isinstance(values, dict):
         raise InputError("expected a YAML mapping of named fields at the top")
-    return {str(key): value for key, value in values.items()}
+    return values
 
 
 def find(values: Mapping[str, Any], *names: str) -> tuple[str, Any] | None:

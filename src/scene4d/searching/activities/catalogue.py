@@ -12,6 +12,7 @@ import yaml
 
 from scene4d.core.errors import InputError
 from scene4d.core.text import nearest
+from scene4d.core.yaml_text import compose
 from scene4d.searching.activities._checking import (
     check_activity,
     check_durations,
@@ -81,13 +82,9 @@ class _Reader:
     def activities(self, text: str) -> Iterator[tuple[Activity, Callable]]:
         """The activities of the file, each with a context that names its place."""
         try:
-            root = yaml.compose(text, Loader=yaml.CSafeLoader)
-        except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            line = f", line {mark.line + 1}" if mark else ""
-            raise InputError(f"{self._name}{line}: not YAML: {str(error.problem)[:80]}") from None
-        except (yaml.YAMLError, RecursionError) as error:
-            raise InputError(f"{self._name}: not YAML: {str(error)[:80]}") from None
+            root = compose(text)
+        except InputError as error:
+            raise InputError(f"{self._name}, {error}") from None
         if root is None:
             raise InputError(f"{self._name}: is empty, expected activities:")
         top = self._mapping(root, ("activities", "classes"))
