@@ -24,8 +24,12 @@ from scene4d.app._served import Served
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.searching.kept import kept_searches
+from scene4d.store.identities import Identities
+from scene4d.store.site_file import SiteFile
+from scene4d.store.site_writing import write_site
 from scene4d.store.writing import SceneWriter
 from scene4d.video.reader import open_source
+from site_worlds import Eye, place, seen, store, strolls
 from walks import CAMERA, FPS, SIZE, write_video
 
 
@@ -295,8 +299,8 @@ def test_the_served_page_searches_in_a_drawn_zone(opened, running):
     expect(page.locator("#tracks-count")).to_have_text("5 of 5 tracks")
     page.keyboard.press("z")
     corners = [[-1.5, 14.0, 0], [2.5, 14.0, 0], [2.5, 18.5, 0], [-1.5, 18.5, 0]]
-    for place in CAMERA.project(corners)[0]:
-        click(page, *place)
+    for corner in CAMERA.project(corners)[0]:
+        click(page, *corner)
     page.keyboard.press("Enter")
     page.locator("#place-name").fill("bay")
     with page.expect_response("**/api/places"):
@@ -352,3 +356,44 @@ def test_whoever_asks_is_answered_from_the_newest_manifests(request, tmp_path, m
             status, _, body = one.ask("GET", "/api/runs/0/rows")
             assert (status, json.loads(body)["rows"]) == (200, out.run.rows)
         assert one.post("/api/search", {"words": "two people meet"})[0] == 200
+
+
+def test_a_scene_of_a_site_that_is_tracked_again_is_noticed(request, tmp_path):
+    eyes = [Eye(name, place(0.0, 0.0, 0.0), (0.0, 0.0), 20.0) for name in ("west", "east")]
+    (before, whose), (after, _) = (seen(eyes[0], strolls(n, 40.0, 6.0)) for n in (3, 5))
+    cameras = {eye.name: store(tmp_path / eye.name, eye, before, None) for eye in eyes}
+    rows = [(eye.name, number, who, 1.0) for eye in eyes for number, who in whose.items()]
+    identities = Identities(*(np.array(column) for column in zip(*rows, strict=True)))
+    write_site(tmp_path / "site", SiteFile(cameras), identities, refined={}, pictures={})
+    request.addfinalizer((one := Running(tmp_path / "site")).close)
+    with one.listening() as news:
+        first = [next(news) for _ in eyes]  # both, though their runs have one name
+        assert [(kind, said["camera"]) for kind, said in first] == [
+            ("run", "west"),
+            ("run", "east"),
+        ]
+        store(tmp_path / "west", eyes[0], after, None)
+        said = next(said for kind, said in news if kind == "run")
+    assert (said["camera"], said["rows"]) == ("west", len(after))
+    rows = json.loads(one.ask("GET", f"/api/runs/{said['number']}/rows")[2])
+    assert rows["rows"] == np.isin(after.track, list(whose)).sum()
+
+
+def test_who_comes_back_is_told_what_was_missed(request, opened, running):
+    """A run that came and ended meanwhile, and then one that was tracked again, which the next
+    server counts otherwise.
+    """
+    (folder,) = running.served._folders
+    page = opened.page
+    page.goto(f"{running.url}/")
+    expect(page.locator("#tracks-count")).to_have_text("5 of 5 tracks")
+    running.close()
+    expect(page.locator("#live")).to_have_attribute("data-state", "lost")
+    write_scene(folder, people()[:2], run="earlier", provenance={"rate_hz": 10})
+    again = Running(folder, at_port=running.port)
+    request.addfinalizer(again.close)
+    expect(page.locator("#run-choice option")).to_have_count(2)
+    write_scene(folder, people()[:3], provenance={"rate_hz": 10})
+    expect(page.locator("#tracks-count")).to_have_text("3 of 3 tracks")
+    page.goto("about:blank")  # else it tries again, and complains that nobody answers
+    opened.complaints.clear()

@@ -35,6 +35,10 @@ _WAITING = 4
 """Searches that may wait for the one that runs."""
 _LOOK_S, _BEAT_S = 1.0, 15.0
 """How often what is new is looked for, and how often a quiet connection is kept alive."""
+_TOLD = (
+    *("run", "camera", "number", "version", "growing", "rows", "begin_s", "end_s"),
+    "watched",
+)
 _NUMBERS = {"min_score": (float, int), "min_probability": (float, int), "top": (int,)}
 Handler = Callable[[Request], Awaitable[Response]]
 
@@ -213,9 +217,11 @@ class Api:
         )
 
     async def _news(self, request: Request) -> AsyncIterator[str]:
-        """Runs that have grown, and what ``watch`` tells, as server-sent events."""
+        """Runs, first all and then those that change, and what ``watch`` tells, as server-sent
+        events: whoever comes back hears what was missed.
+        """
         served = self._served
-        known = {run["run"]: run["rows"] for run in served.refresh()}
+        known: dict[tuple[str, str], str] = {}
         told, quiet_s = await run_in_threadpool(served.told_so_far), 0.0
         fleet = ""
         yield "retry: 2000\n\n"
@@ -234,14 +240,18 @@ class Api:
             await asyncio.sleep(_LOOK_S)
 
 
-def _news(served: Served, known: dict[str, int], told: dict[str, int]) -> list[tuple[str, str]]:
-    """Runs whose numbers of rows are not the ``known`` ones, and lines that were ``told`` since."""
+def _news(
+    served: Served, known: dict[tuple[str, str], str], told: dict[str, int]
+) -> list[tuple[str, str]]:
+    """Runs whose versions are not the ``known`` ones, and lines that were ``told`` since; where no
+    run is known, also what was told of each before.
+    """
     news = []
-    for run in served.refresh():
-        if known.get(run["run"]) != run["rows"]:
-            known[run["run"]] = run["rows"]
-            kept = ("run", "camera", "rows", "begin_s", "end_s")
-            news.append(("run", json.dumps({key: run[key] for key in kept})))
+    for run in served.refresh() if known else served.contents()["runs"]:
+        camera = run["camera"], run["run"]
+        if known.get(camera) != run["version"]:
+            known[camera] = run["version"]
+            news.append(("run", json.dumps({key: run[key] for key in _TOLD if key in run})))
     return news + [("alert", line) for line in served.told(told)]
 
 

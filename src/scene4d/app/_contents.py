@@ -1,5 +1,6 @@
 """What a page shows: cameras with their uncertainty, runs with rows, events and footage."""
 
+import hashlib
 import json
 from importlib.metadata import version
 from itertools import pairwise
@@ -55,7 +56,9 @@ def camera_of(calibration: Calibration) -> dict[str, Any]:
 
 
 def run_of(shown: Shown) -> dict[str, Any]:
-    """A run in brief, on the page's clock; its rows, footage and events come beside it."""
+    """A run in brief, on the page's clock; its rows, footage and events come beside it. ``version``
+    changes with the rows; a stream's newest part is hidden while it is ``growing``.
+    """
     run = shown.run
     begin_s, end_s = shown.span_s
     start = None
@@ -69,6 +72,8 @@ def run_of(shown: Shown) -> dict[str, Any]:
         "begin_s": begin_s,
         "end_s": end_s,
         "rows": run.rows,
+        "version": hashlib.sha256(repr(run.parts).encode()).hexdigest()[:16],
+        "growing": any(Path(part.path).name.startswith(".") for part in run.parts),
         "classes": run.classes,
         "step_s": 1.0 / _rate_hz(run),
         "lost": [[a + shown.shift_s, b + shown.shift_s] for a, b in _lost(run)],

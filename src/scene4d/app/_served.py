@@ -2,6 +2,7 @@
 
 import tempfile
 import threading
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from scene4d.searching import read_places
 from scene4d.searching.kept import ZONES, drop_search, keep_search, kept_searches
 from scene4d.store.footage import NoFootage, footage_of
 from scene4d.store.runs import file_name, manifest_path
+from scene4d.store.site_file import SITE_FILE, SiteFile, is_site
 from scene4d.video.reader import open_source
 
 
@@ -45,6 +47,8 @@ class Served:
         self._pieces = PieceStore()
         self._names: list[str] = []
         self._stamp: Any = None
+        self._sites: list[tuple[str, int, int]] = []
+        self._scenes: list[Path] = []  # of these sites
         self._opened: Opened
         self._shown: dict[str, Shown] = {}
         self.refresh()
@@ -58,7 +62,8 @@ class Served:
         """Read manifests that have changed; returns all runs in brief."""
         with self._lock:
             self._current()
-            return [run_of(one) for one in self._shown.values()]
+            numbers = {name: number for number, name in enumerate(self._names)}
+            return [run_of(one) | {"number": numbers[name]} for name, one in self._shown.items()]
 
     def _current(self) -> Opened:
         """What there is now; the caller holds the lock. A stream replaces what it published each
@@ -74,13 +79,13 @@ class Served:
 
     def _manifests(self) -> list[tuple[str, int, int]]:
         """Names, times and sizes of files that change with a run or a site."""
-        found = []
-        for folder in self._folders:
-            for path in sorted([*(folder / "runs").glob("*.json"), *folder.glob("site.json")]):
-                with suppress(FileNotFoundError):  # removed since it was listed
-                    about = path.stat()
-                    found.append((str(path), about.st_mtime_ns, about.st_size))
-        return found
+        sites = [folder for folder in self._folders if is_site(folder)]
+        stamp = _about(folder / SITE_FILE for folder in sites)
+        if stamp != self._sites:
+            cameras = [one for site in sites for one in SiteFile.load(site).cameras.values()]
+            self._sites, self._scenes = stamp, sorted({one.scene for one in cameras})
+        folders = [*self._folders, *self._scenes]
+        return stamp + _about(one for f in folders for one in sorted((f / "runs").glob("*.json")))
 
     def page(self) -> str:
         """The page, which asks for everything else."""
@@ -269,6 +274,16 @@ class Served:
         sizes: dict[str, int] = {}
         self.told(sizes)
         return sizes
+
+
+def _about(paths: Iterable[Path]) -> list[tuple[str, int, int]]:
+    """Names, times and sizes of files."""
+    found = []
+    for path in paths:
+        with suppress(FileNotFoundError):  # removed since it was listed
+            about = path.stat()
+            found.append((str(path), about.st_mtime_ns, about.st_size))
+    return found
 
 
 def _key(shown: Shown) -> str:

@@ -32,10 +32,7 @@ export function startLive() {
     tell("fleet");
   });
   source.addEventListener("alert", (event) => alerted(JSON.parse(event.data)));
-  source.onopen = () => {
-    $("live").dataset.state = "connected";
-    if (!world.runs.length) begun();
-  };
+  source.onopen = () => ($("live").dataset.state = "connected");
   source.onerror = () => ($("live").dataset.state = "lost");
   $("live").hidden = false;
 }
@@ -43,9 +40,17 @@ export function startLive() {
 // Cameras of a site may have runs of one name.
 const isOf = (one, other) => one.run === other.run && one.camera === other.camera;
 
+// A server tells of every run when it is connected, and then of those that change.
 async function grown(said) {
   const now = world.runs.find((one) => isOf(one.said, said));
   if (!now) return begun(said);
+  now.number = said.number; // a server that was started again may count them otherwise
+  if (said.watched) {
+    now.watched = said.watched;
+    tell("searches");
+  }
+  if (said.version === now.said.version) return;
+  if (!now.said.growing) return location.reload(); // tracked again: nothing of it need be as before
   now.grow(said);
   tell("fleet");
   if (!now.fetched) return;

@@ -74,10 +74,10 @@ export class Run extends Moving {
   }
 
   // What the server says of a run that grows; the last minute tells how many rows come.
-  grow({ rows, end_s }) {
+  grow({ rows, end_s, version, growing }) {
     this.recent.push([this.said.end_s, this.said.rows]);
     while (this.recent.length > 1 && this.recent[0][0] < end_s - RECENT_S) this.recent.shift();
-    Object.assign(this.said, { rows, end_s });
+    Object.assign(this.said, { rows, end_s, version, growing });
   }
 
   // What was searched for or told of this run, on the page's clock.
