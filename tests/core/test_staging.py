@@ -1,6 +1,8 @@
 """Results of several files: all of them or none, and never less than there was before."""
 
 import errno
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -135,3 +137,22 @@ def test_an_output_folder_is_made_and_tried(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="file: cannot be written: File exists"):
         ensure_folder(tmp_path / "file")
+
+
+def test_what_a_killed_process_left_is_removed_and_a_living_ones_is_not(out):
+    code = (
+        "import sys, pathlib, time; from scene4d.core.staging import staged\n"
+        "with staged(pathlib.Path(sys.argv[1]), ['report.html'], 'camera.json') as folder:\n"
+        "    (folder / 'report.html').touch(); print(folder, flush=True); time.sleep(60)"
+    )
+    words = [sys.executable, "-c", code, str(out)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as living:
+        staging = Path(living.stdout.readline().strip())
+        with staged(out, NAMES, LAST) as own:
+            write(out, "new")
+            assert (staging / "report.html").exists() and own.exists()
+            (own / LAST).write_text("newer")
+        living.kill()
+    assert staging.exists()
+    write(out, "new")
+    assert not list(out.glob(".*"))

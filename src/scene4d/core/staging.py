@@ -4,10 +4,14 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from filelock import FileLock
+
 from scene4d.core.errors import OutputError
+
+_LOCK, _CONTENT = "lock", "content"
 
 
 def ensure_folder(path: str | Path) -> Path:
@@ -33,18 +37,39 @@ def staged(out: Path, names: Sequence[str], last: str) -> Iterator[Path]:
     :class:`OutputError` naming the file.
     """
     try:
-        with tempfile.TemporaryDirectory(dir=out, prefix=".scene4d-") as made:
-            staging = Path(made)
+        with scratch(out, ".scene4d-") as staging:
             try:
                 yield staging
             except OutputError as error:
-                raise OutputError(str(error).replace(made, str(out))) from error
+                raise OutputError(str(error).replace(str(staging), str(out))) from error
             written = [name for name in (*names, last) if (staging / name).exists()]
             install({staging / name: out / name for name in written})
             for name in set(names) - set(written):
                 (out / name).unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"{out}: cannot be written: {error.strerror}") from error
+
+
+@contextmanager
+def scratch(folder: Path, prefix: str) -> Iterator[Path]:
+    """A folder of its own in ``folder``, removed at the end; if this process is killed before, by
+    the next one that asks for the same prefix there.
+
+    Its lock tells that its owner lives: the operating system releases it with the process, in
+    other containers and with process numbers that are given again too.
+    """
+    for left in folder.glob(f"{prefix}*/{_CONTENT}"):
+        with suppress(OSError):  # its owner lives: the lock is not to be had
+            with FileLock(left.with_name(_LOCK), timeout=0):
+                shutil.rmtree(left)
+            shutil.rmtree(left.parent)
+    with (
+        tempfile.TemporaryDirectory(dir=folder, prefix=prefix) as made,
+        FileLock(Path(made) / _LOCK),
+    ):
+        content = Path(made) / _CONTENT  # there once it is locked
+        content.mkdir()
+        yield content
 
 
 def install(target_of: dict[Path, Path]) -> None:

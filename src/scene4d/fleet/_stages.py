@@ -2,7 +2,6 @@
 
 import errno
 import io
-import os
 import shutil
 import tempfile
 import time
@@ -14,13 +13,13 @@ from typing import Any
 from scene4d.core.errors import InputError, OutputError, Scene4DError, UnavailableError
 from scene4d.core.files import write_bytes, write_json
 from scene4d.core.progress import Silent
+from scene4d.core.staging import scratch
 from scene4d.fleet._store import Store
 from scene4d.fleet._tasks import Job, Need
 from scene4d.store.runs import Run, complete_runs, file_name
 
 EVENTS = "events.parquet"
 _CAMERA = "camera.json"
-_SCRATCH = "scene4d-fleet-"
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
 _HERE = frozenset({OutputError.kind, UnavailableError.kind})
 """Kinds of failures that are not the clip's: the machine lacks something."""
@@ -56,11 +55,10 @@ def work(job: Job, address: str) -> Outcome:
     footage_s, kind, reason = 0.0, None, None
     try:
         store = Store(address)
-        _sweep()
-        with tempfile.TemporaryDirectory(prefix=f"{_SCRATCH}{os.getpid()}-") as name:
-            out = Path(name) / "out"
+        with scratch(Path(tempfile.gettempdir()), "scene4d-fleet-") as here:
+            out = here / "out"
             out.mkdir()
-            footage_s = _STAGES[job.task.stage](job, store, Path(name), out)
+            footage_s = _STAGES[job.task.stage](job, store, here, out)
             store.put(out, job.path)
         store.write(f"done/{job.key}", said_of(job) | {"path": job.path, "footage_s": footage_s})
     except Exception as error:  # a defect costs its clip, and no other
@@ -70,20 +68,6 @@ def work(job: Job, address: str) -> Outcome:
     return Outcome(
         time.perf_counter() - wall_s, time.process_time() - cpu_s, footage_s, kind, reason
     )
-
-
-def _sweep() -> None:
-    """Remove what workers of this machine left that were killed."""
-    if os.name != "posix":  # elsewhere asking for a process ends it
-        return
-    for folder in Path(tempfile.gettempdir()).glob(f"{_SCRATCH}*"):
-        pid = folder.name.removeprefix(_SCRATCH).partition("-")[0]
-        try:
-            os.kill(int(pid), 0)
-        except ProcessLookupError:
-            shutil.rmtree(folder, ignore_errors=True)
-        except (OSError, ValueError):  # it is somebody else's
-            continue
 
 
 def said_of(job: Job) -> dict[str, Any]:
