@@ -4,12 +4,15 @@
 #   make bench   measure, and write docs/benchmarks.md (12 minutes)
 #   make docs    build/site from docs/, the docstrings and the command line's help
 #   make wheel   build wheel and sdist, and run the README in an empty environment (8 minutes)
+#   make pythons the tests on each Python from 3.11 to 3.13 that is here; RUN=wheel: make wheel on each
 # Another Python: make test PYTHON=python3.12      Another place: make test VENV=/tmp/env
 # Some of the tests: make test TESTS=tests/core, or TESTS='-m "not shared_data"'
 
 PYTHON ?= python3
 VENV := .venv
 JOBS := 2
+PYTHONS := python3.11 python3.12 python3.13
+RUN := pytest
 
 BIN := $(VENV)/bin
 PYTHON_VERSION := $(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null)
@@ -28,11 +31,11 @@ PIP := PIP_NO_INPUT=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignor
 	$(BIN)/python -m pip --quiet
 INSTALL := $(CONSTRAINED) $(PIP) install --no-compile
 
-.PHONY: help demo test lint types layers browser pytest format bench docs wheel install-size clean
+.PHONY: help demo test lint types layers browser pytest format bench docs wheel pythons install-size clean
 .DELETE_ON_ERROR:
 
 help:
-	@sed -n 's/^# \{0,1\}//;1,8p' $(firstword $(MAKEFILE_LIST))
+	@sed -n 's/^# \{0,1\}//;1,9p' $(firstword $(MAKEFILE_LIST))
 
 demo: $(RUNTIME)
 	$(BIN)/scene4d demo
@@ -73,11 +76,21 @@ docs: $(DOCS)
 wheel:
 	$(PYTHON) scripts/wheel.py
 
+# Those that are named (PYTHONS=python3.12) must be here; of the usual ones, one at least.
+pythons:
+	@ran=; absent=; for python in $(PYTHONS); do \
+	version=$$($$python -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null) || \
+	{ absent="$$absent $$python"; continue; }; \
+	echo "$(RUN) on Python $$version"; \
+	$(MAKE) --no-print-directory $(RUN) PYTHON=$$python VENV=$(VENV)-$$version || exit 1; ran="$$ran $$version"; \
+	done; echo "$(RUN) passed on Python:$${ran:- none}; not found:$${absent:- none}"; \
+	[ -n "$$ran" ] && { [ -z "$$absent" ] || [ "$(origin PYTHONS)" = file ]; }
+
 install-size:
 	$(PYTHON) benchmarks/install_size.py
 
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(VENV)-3.1? .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
 
 # Python 3.11 puts setuptools into every environment; nothing here uses it.
 $(RUNTIME): pyproject.toml constraints.txt
