@@ -146,8 +146,8 @@ def undistort_jacobian(
 
 @dataclass(frozen=True, eq=False)
 class Straightened:
-    """Points (2, n) as a pinhole camera of the same focal length shows them, about the principal
-    point, with derivatives (2, n) by those parameters of the lens that move them.
+    """Points (2, n) as a pinhole camera shows them about the principal point, of the same focal
+    length or (:func:`foot_rays`) of 1, with derivatives (2, n) by those parameters that move them.
     """
 
     points: Float[np.ndarray, "2 n"]
@@ -193,24 +193,15 @@ def _unit(v: np.ndarray, dv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return unit, (dv - unit * (dv * unit).sum(axis=1, keepdims=True)) / length
 
 
-@dataclass(frozen=True, eq=False)
-class _Rays:
-    """Rays through the feet, ``(x, y, 1)`` as ``xy`` (2, n), with derivatives (2, n) of those
-    parameters that move them.
-    """
-
-    xy: np.ndarray
-    by: dict[int, np.ndarray]
-    valid: np.ndarray
-
-
-def foot_rays(parameters: np.ndarray, points: Points, columns: tuple[int, ...]) -> _Rays:
+def foot_rays(parameters: np.ndarray, points: Points, columns: tuple[int, ...]) -> Straightened:
+    """Rays ``(x, y, 1)`` through the feet, with derivatives by the ``columns`` that move them."""
     focal = np.exp(parameters[FOCAL])
     straight = straightened(points.foot, parameters, columns, fisheye=points.fisheye)
     xy = straight.points / focal
     by = {column: d / focal for column, d in straight.by.items()}
     by[FOCAL] = by[FOCAL] - xy if FOCAL in by else -xy
-    return _Rays(xy, {column: by[column] for column in by if column in columns}, straight.valid)
+    by = {column: d for column, d in by.items() if column in columns}
+    return Straightened(xy, by, straight.valid)
 
 
 def predict_heads(
@@ -223,7 +214,7 @@ def predict_heads(
     focal, camera_height = np.exp(parameters[FOCAL]), np.exp(parameters[HEIGHT])
     up, d_up = up_vector(parameters[TILT], parameters[ROLL])
     rays = foot_rays(parameters, points, columns)
-    xy = rays.xy
+    xy = rays.points
     down = -(up[0] * xy[0] + up[1] * xy[1] + up[2])  # -(up · d), positive below the horizon
     valid = rays.valid & (down > 1e-9)
 
@@ -246,10 +237,11 @@ def predict_heads(
     q = (scale * span) * up[:, None]
     q[:2] += xy
     q[2] += 1.0
-    outline = None
+    d_outline = None
     if points.has_boxes:
-        outline = _outline(q, points.from_box, span, rays, columns, up, d_up, scale, d_scale)
-        q[:, points.from_box] = outline.q
+        q[:, points.from_box], d_outline = _outline(
+            q, points.from_box, span, rays, columns, up, d_up, scale, d_scale
+        )
     valid = valid & (q[2] > 1e-6) & (clearance > 0)
     depth = np.where(valid, q[2], 1.0)
     uv = q[:2] / depth
@@ -264,9 +256,9 @@ def predict_heads(
             by_up = d_up[column, :2, None] - uv * d_up[column, 2]
             d_uv[columns.index(column)] += (scale * span * zoom) * by_up
     h_uv = scale * by_scale
-    if outline is not None:
+    if d_outline is not None:
         rows = points.from_box
-        away = outline.d_q[:, :2] - uv[:, rows] * outline.d_q[:, 2:3]
+        away = d_outline[:, :2] - uv[:, rows] * d_outline[:, 2:3]
         d_uv[:, :, rows], h_uv[:, rows] = zoom[rows] * away[:-1], zoom[rows] * away[-1]
     uv = uv * focal
     if FOCAL in columns:
@@ -275,22 +267,15 @@ def predict_heads(
     return Prediction(uv, d_uv, h_uv, valid)
 
 
-@dataclass(frozen=True, eq=False)
-class _Outline:
-    """Where the top edges of boxes touch, ``q`` (3, b), and its derivatives (p + 1, 3, b), the last
-    one by the person's height.
-    """
-
-    q: np.ndarray
-    d_q: np.ndarray
-
-
 def _outline(
-    q: np.ndarray, rows: np.ndarray, span: np.ndarray, rays: _Rays, columns: tuple[int, ...],
-    up: np.ndarray, d_up: np.ndarray, scale: np.ndarray, d_scale: np.ndarray,
-) -> _Outline:  # fmt: skip
-    """``q + m (r_b b + r_h n)`` of the people that are boxes (module docstring)."""
-    m, d_m, y = scale[rows], d_scale[:, rows], rays.xy[1, rows]
+    q: np.ndarray, rows: np.ndarray, span: np.ndarray, rays: Straightened,
+    columns: tuple[int, ...], up: np.ndarray, d_up: np.ndarray, scale: np.ndarray,
+    d_scale: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Where the top edges of the people that are boxes touch, ``q + m (r_b b + r_h n)`` (3, b)
+    (module docstring), and its derivatives (p + 1, 3, b), the last one by the person's height.
+    """
+    m, d_m, y = scale[rows], d_scale[:, rows], rays.points[1, rows]
     d_row = np.zeros((len(columns), 3, len(m)))
     turned = d_up[list(columns)]
     d_q = span[rows] * (up[:, None] * d_m[:, None] + turned[:, :, None] * m)
@@ -319,29 +304,21 @@ def _outline(
     n, d_n = _unit(c, d_c)
     d_top = d_centre + HEAD_RADIUS_M * m * d_n
     d_top[:-1] += HEAD_RADIUS_M * d_m[:, None] * n
-    return _Outline(centre + HEAD_RADIUS_M * m * n, d_top)
+    return centre + HEAD_RADIUS_M * m * n, d_top
 
 
 def on_footage(
     parameters: np.ndarray, columns: tuple[int, ...], uv: np.ndarray, d_uv: np.ndarray,
     h_uv: np.ndarray, *, fisheye: bool,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """Points of a pinhole camera, with derivatives in rows by ``columns`` and more, as the lens
-    shows them.
+    """Points of a pinhole camera, with derivatives in rows by ``columns`` and more, as the lens and
+    the principal point show them.
     """
     if fisheye:
         curl = curled(uv, np.exp(parameters[FOCAL]))
         uv, d_uv, h_uv = curl.points, curl.carry(d_uv), curl.carry(h_uv)
         if FOCAL in columns:
             d_uv[columns.index(FOCAL)] += curl.by_log_focal
-    return _on_sensor(parameters, columns, uv, d_uv, h_uv)
-
-
-def _on_sensor(
-    parameters: np.ndarray, columns: tuple[int, ...], uv: np.ndarray, d_uv: np.ndarray,
-    h_uv: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """Apply ``x (1 + D r²)`` and the principal point to points and to their derivatives."""
     if _plain(parameters, columns):
         return uv, d_uv, h_uv
     corner, centre = parameters[CORNER], parameters[CENTRE]

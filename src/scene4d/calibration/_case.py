@@ -52,13 +52,13 @@ class ImageFrame:
             x = x - self.lens.K[0, 1] / self.lens.K[1, 1] * y  # a skewed sensor made square
         return np.stack([x, y / self.aspect]) / self.half_diagonal_px
 
+    def straight(self, uv: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "2 n"]:
+        """Pixels of the footage in the solver's frame; NaN where the lens has no ray."""
+        return self.normalised(uv if self.lens is None else self.lens.undistort(uv)[0])
+
     def points(self, segments: Segments, foot_height_m: float) -> Points:
         """The solver's view of segments given in footage pixels; unseen ends become NaN."""
-        lens = self.lens
-        foot, head = (
-            self.normalised(uv if lens is None else lens.undistort(uv)[0])
-            for uv in (segments.foot_uv, segments.head_uv)
-        )
+        foot, head = self.straight(segments.foot_uv), self.straight(segments.head_uv)
         return Points(foot, head, segments.from_box, foot_height_m, self.fisheye)
 
     def camera(self, parameters: Float[np.ndarray, "7"]) -> Camera:

@@ -22,7 +22,7 @@ from scene4d.calibration._body import (
 )
 from scene4d.calibration._equidistant import ray_gain
 from scene4d.calibration._lines import best_azimuths
-from scene4d.calibration._prior import Prior
+from scene4d.calibration._prior import Prior, inverse_of
 from scene4d.calibration._problem import Noise, Problem, State
 from scene4d.calibration._refine import (
     descend,
@@ -124,8 +124,8 @@ _FISHEYE_LOG_FOCALS = (-1.0, -0.75, -0.5, -0.25, 0.0, 0.25)
 
 def orientation_grid(
     prior: Prior, focal: tuple[float, ...] = _LOG_FOCALS
-) -> Float[np.ndarray, "m 3"]:
-    """Orientations (m, 3): the fixed values where fixed, else a spread over the prior."""
+) -> Float[np.ndarray, "m 7"]:
+    """The prior's mean with other orientations: the fixed values where fixed, else a spread."""
     tilt = np.radians([0, 5, 10, 16, 23, 31, 40, 50, 62, 75])
     roll = prior.mean[ROLL] + np.radians([-10, -3, 3, 10])
     axes: list[np.ndarray] = []
@@ -139,7 +139,10 @@ def orientation_grid(
             near = mean + sigma * np.array([-2.0, -1.0, 0.0, 1.0, 2.0])
             values = near if index != ROLL or sigma < 0.05 else values
         axes.append(values)
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    orientations = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    parameters = np.tile(prior.mean, (len(orientations), 1))
+    parameters[:, [FOCAL, TILT, ROLL]] = orientations
+    return parameters
 
 
 def _starting_points(problem: Problem, keep: int) -> Float[np.ndarray, "m 7"]:
@@ -147,8 +150,7 @@ def _starting_points(problem: Problem, keep: int) -> Float[np.ndarray, "m 7"]:
     problem = _evenly(problem, _GRID_PEOPLE)
     parameters, chi2 = _grid(problem)
     robust = _GRID_OUTLIER**2 * chi2 / (_GRID_OUTLIER**2 + chi2)
-    gap = parameters - problem.prior.mean
-    cost = robust @ problem.weight + ((gap @ problem.prior.precision) * gap).sum(axis=1)
+    cost = robust @ problem.weight + problem.prior.costs(parameters)
     return parameters[distinct(parameters, np.argsort(cost), keep)]
 
 
@@ -171,9 +173,9 @@ def _grid(problem: Problem) -> tuple[Float[np.ndarray, "m 7"], Float[np.ndarray,
     corner = prior.mean[CORNER]
     foot, head = undistort(points.foot, corner)[0], undistort(points.head, corner)[0]
     focals = _FISHEYE_LOG_FOCALS if points.fisheye else _LOG_FOCALS
-    orientations = orientation_grid(prior, focals)
-    focal = np.exp(orientations[:, 0])[:, None]
-    tilt, roll = orientations[:, 1], orientations[:, 2]
+    parameters = orientation_grid(prior, focals)
+    focal = np.exp(parameters[:, FOCAL])[:, None]
+    tilt, roll = parameters[:, TILT], parameters[:, ROLL]
     up = np.stack(
         [np.sin(roll) * np.cos(tilt), -np.cos(roll) * np.cos(tilt), -np.sin(tilt)], axis=1
     )
@@ -195,13 +197,11 @@ def _grid(problem: Problem) -> tuple[Float[np.ndarray, "m 7"], Float[np.ndarray,
         log_ratio = np.log(np.where((kappa > 0) & (down > 1e-6), kappa / down, np.nan))
 
     usable = np.isfinite(log_ratio).mean(axis=1) > 0.3
-    orientations, log_ratio, across = orientations[usable], log_ratio[usable], across[usable]
+    parameters, log_ratio, across = parameters[usable], log_ratio[usable], across[usable]
     # Median of what is finite, log H / h: sorting puts NaN last.
     middle = np.isfinite(log_ratio).sum(axis=1) // 2
     level = np.sort(log_ratio, axis=1)[np.arange(len(log_ratio)), middle]
     chi2 = ((log_ratio - level[:, None]) / _GRID_ALONG) ** 2 + (across / _GRID_ACROSS) ** 2
-    parameters = np.tile(prior.mean, (len(orientations), 1))
-    parameters[:, [FOCAL, TILT, ROLL]] = orientations
     parameters[:, HEIGHT] = np.log(problem.person_height_m) - level
     return parameters, np.nan_to_num(np.minimum(chi2, _WORST), nan=_WORST)
 
@@ -282,14 +282,11 @@ def _valley(problem: Problem, state: State) -> list[State]:
     none where they tell the focal length well. Edges may hold one of them (a valley of cost between
     focal length and tilt has several low points).
     """
-    columns = list(problem.columns)
     system = normal_equations(problem, state, linearise(problem, state))
-    free = np.flatnonzero(problem.free)
-    inverse = np.linalg.inv(system.hessian[np.ix_(free, free)])[: len(columns), : len(columns)]
-    if FOCAL not in columns or inverse[0, 0] < _VAGUE_FOCAL**2:
+    by_focal = inverse_of(system.hessian, problem.free)[FOCAL, :N_PARAMETERS]
+    if by_focal[FOCAL] < _VAGUE_FOCAL**2:
         return []
-    along = np.zeros(N_PARAMETERS)
-    along[columns] = inverse[0] / np.sqrt(inverse[0, 0])  # as the focal length takes the others
+    along = by_focal / np.sqrt(by_focal[FOCAL])  # as the focal length takes the others
     return [
         replace(state, parameters=state.parameters + sigmas * along) for sigmas in _VALLEY_SIGMAS
     ]

@@ -13,6 +13,7 @@ from scene4d.calibration._joint import solve
 from scene4d.calibration._landmark_residuals import SHIFT
 from scene4d.calibration._landmarks import LandmarkTerm
 from scene4d.calibration._lens_choice import with_best_lens
+from scene4d.calibration._prior import inverse_of
 from scene4d.calibration._problem import Noise, Problem, State, spreads
 from scene4d.calibration._refine import linearise
 from scene4d.calibration._uncertainty import data_covariance, most_probable
@@ -164,9 +165,7 @@ def _contradictions(
     found: Fused, people: Belief, camera: Camera, person_height_m: float
 ) -> Iterator[str]:
     """Sentences about values that differ from those of the people alone."""
-    free = np.flatnonzero(np.diag(people.precision) > 0)
-    alone = np.zeros_like(people.precision)
-    alone[np.ix_(free, free)] = np.linalg.inv(people.precision[np.ix_(free, free)])
+    alone = inverse_of(people.precision, np.diag(people.precision) > 0)
     sigma, together = np.sqrt(np.diag(alone)), np.sqrt(np.diag(found.covariance))
     moved = found.parameters - people.mean
     for name, index in (

@@ -58,15 +58,8 @@ class Pixels:
         cls, frame: ImageFrame, uv: Float[np.ndarray, "n 2"], sigma_px: Float[np.ndarray, "n"]
     ) -> "Pixels":
         """Pixels of the footage and their errors, as the lens straightens them."""
-
-        def straight(points: np.ndarray) -> np.ndarray:
-            lens = frame.lens
-            return frame.normalised(points if lens is None else lens.undistort(points)[0])
-
-        at, (by_u, by_v) = (
-            straight(uv),
-            (straight(uv + d) - straight(uv - d) for d in np.eye(2) / 2),
-        )
+        at = frame.straight(uv)
+        by_u, by_v = (frame.straight(uv + d) - frame.straight(uv - d) for d in np.eye(2) / 2)
         bent = ~np.isfinite(at + by_u + by_v).all(axis=0)
         if bent.any():
             u, v = uv[np.flatnonzero(bent)[0]]
@@ -224,7 +217,7 @@ def _on_ground(
     """Ground points in camera coordinates, derivatives by the camera, and which there are."""
     up, d_up = up_vector(parameters[TILT], parameters[ROLL])
     rays, height = foot_rays(parameters, feet, ALL), np.exp(parameters[HEIGHT])
-    ray = np.vstack([rays.xy, np.ones(rays.xy.shape[1])])
+    ray = np.vstack([rays.points, np.ones(rays.points.shape[1])])
     down = -(up @ ray)
     valid = rays.valid & (down > 1e-6)
     down = np.where(valid, down, 1.0)

@@ -5,7 +5,7 @@ each camera, and its share of the information taken out (Schur complement). Wher
 be told from the others, each may be mistyped with a small probability: a mixture.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -105,49 +105,29 @@ class LandmarkTerm:
     def blurred(self, blur: float) -> "LandmarkTerm":
         """With pixels known worse by ``blur`` (half diagonals), and distances by that share."""
         more = blur**2 * np.eye(2)
-
-        def wide(pixels: Pixels) -> Pixels:
-            return replace(pixels, covariance=pixels.covariance + more)
-
-        return replace(
-            self,
-            points=wide(self.points),
-            feet=wide(self.feet),
-            tops=wide(self.tops),
-            ends=(wide(self.ends[0]), wide(self.ends[1])),
-            distance_sigma_m=np.hypot(self.distance_sigma_m, blur * self.distance_m),
-        )
+        wide = self._seen(lambda pixels: replace(pixels, covariance=pixels.covariance + more))
+        sigma_m = np.hypot(self.distance_sigma_m, blur * self.distance_m)
+        return replace(wide, distance_sigma_m=sigma_m)
 
     def with_fisheye(self) -> "LandmarkTerm":
         """The same behind a fisheye lens."""
-
-        def curved(pixels: Pixels) -> Pixels:
-            return replace(pixels, fisheye=True)
-
-        return replace(
-            self,
-            points=curved(self.points),
-            feet=curved(self.feet),
-            tops=curved(self.tops),
-            ends=(curved(self.ends[0]), curved(self.ends[1])),
-        )
+        return self._seen(lambda pixels: replace(pixels, fisheye=True))
 
     def stretched(self, factor: float) -> "LandmarkTerm":
         """With all standard deviations larger by a factor."""
-
-        def wide(pixels: Pixels) -> Pixels:
-            return replace(pixels, covariance=factor**2 * pixels.covariance)
-
         return replace(
-            self,
-            points=wide(self.points),
+            self._seen(lambda pixels: replace(pixels, covariance=factor**2 * pixels.covariance)),
             point_sigma_m=factor * self.point_sigma_m,
-            feet=wide(self.feet),
-            tops=wide(self.tops),
             height_sigma_m=factor * self.height_sigma_m,
-            ends=(wide(self.ends[0]), wide(self.ends[1])),
             distance_sigma_m=factor * self.distance_sigma_m,
         )
+
+    def _seen(self, change: Callable[[Pixels], Pixels]) -> "LandmarkTerm":
+        """With all pixels changed alike."""
+        points, feet, tops, one, other = map(
+            change, (self.points, self.feet, self.tops, *self.ends)
+        )
+        return replace(self, points=points, feet=feet, tops=tops, ends=(one, other))
 
     def mirrored(self) -> "LandmarkTerm":
         """The same with y to the right of x."""
@@ -247,7 +227,7 @@ class LandmarkTerm:
         (up, x_axis, y_axis), _ = directions(parameters[TILT], parameters[ROLL], 0.0)
         height, focal = np.exp(parameters[HEIGHT]), np.exp(parameters[0])
         rays = foot_rays(parameters, self.points.as_feet(), ())
-        ray = np.vstack([rays.xy, np.ones(rays.xy.shape[1])])
+        ray = np.vstack([rays.points, np.ones(rays.points.shape[1])])
         down = -(up @ ray)
         above = 1 - self.xyz_m[2] / height
         valid = rays.valid & (down * np.sign(above) > 1e-4)
@@ -308,7 +288,7 @@ def _on_unit_ground(
     """Ground points as complex numbers (m, n) in heights of the camera; NaN above the horizon."""
     parameters = np.zeros(N_PARAMETERS)
     parameters[CORNER] = corner
-    straight = foot_rays(parameters, seen.as_feet(), ()).xy
+    straight = foot_rays(parameters, seen.as_feet(), ()).points
     focal, tilt, roll = orientations.T
     ct, st, cr, sr = np.cos(tilt), np.sin(tilt), np.cos(roll), np.sin(roll)
     x, y = straight[0] / np.exp(focal)[:, None], straight[1] / np.exp(focal)[:, None]

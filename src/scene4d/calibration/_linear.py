@@ -30,12 +30,18 @@ class HeightSystem:
     information: Float[np.ndarray, "n"]
     moment: Float[np.ndarray, "n"]
 
-    def solve(self, rows: np.ndarray | slice = slice(None)) -> float:
-        """Least-squares C_Z in metres of the given people; raises where they leave it free."""
-        information = float(self.information[rows].sum())
+    def solve(self) -> float:
+        """Least-squares C_Z in metres; raises where the people leave it free."""
+        information = float(self.information.sum())
         if not information > 0:
             raise InputError("the camera's height is not determined: no usable person")
-        return float(self.moment[rows].sum()) / information
+        return float(self.moment.sum()) / information
+
+    @property
+    def each(self) -> Float[np.ndarray, "n"]:
+        """The C_Z (m) that each person alone suggests; NaN or infinite where none."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return self.moment / self.information
 
 
 def height_system(

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from scene4d.calibration import _verdict as verdict
 from scene4d.calibration._body import FOCAL, HEIGHT, N_PARAMETERS, ROLL, TILT
 from scene4d.calibration._case import Case, different_people
-from scene4d.calibration._linear import height_system
+from scene4d.calibration._linear import HeightSystem, height_system
 from scene4d.calibration.consensus import (
     TOLERANCE_PX,
     exact_consensus,
@@ -44,20 +44,19 @@ def paper_calibration(case: Case) -> Calibration:
     log_f = np.log(given.focal_px / frame.half_diagonal_px)
     parameters = np.zeros(N_PARAMETERS)
     parameters[[FOCAL, TILT, ROLL]] = log_f, given.tilt_rad, given.roll_rad
-    people = _People.of(case, frame.camera(parameters).K)
-    inlier = people.consensus(given, asked.consensus, asked.seed)
+    people = _People.of(case, frame.camera(parameters).K, given)
+    inlier = people.consensus(asked.consensus, asked.seed)
     if inlier.sum() < verdict.MIN_PEOPLE:
         return case.undetermined(
             f"only {inlier.sum()} of {len(inlier)} people agree with one camera height at this "
             'orientation; needed: an orientation that fits the footage, or method "joint"'
         )
     agreeing = people.select(inlier)
-    height_m = agreeing.height_m(given)
-    parameters[HEIGHT] = np.log(height_m)
+    parameters[HEIGHT] = np.log(agreeing.system().solve())
     by_given = np.eye(N_PARAMETERS)[:, :3]
-    by_given[HEIGHT] = agreeing.sensitivity(given)
+    by_given[HEIGHT] = agreeing.sensitivity()
     covariance = by_given @ np.diag(given_sigma**2) @ by_given.T
-    covariance[HEIGHT, HEIGHT] += _people_variance(case, agreeing.own_height_m(given), inlier)
+    covariance[HEIGHT, HEIGHT] += _people_variance(case, agreeing.system().each, inlier)
     camera = frame.camera(parameters)
     found = case.found(
         camera=camera,
@@ -113,56 +112,47 @@ def _people_variance(case: Case, own_height_m: np.ndarray, inlier: np.ndarray) -
 
 @dataclass(frozen=True, eq=False)
 class _People:
-    """Undistorted feet at Z = 0 and heads at ``person_height_m``, before a camera with ``K``."""
+    """Undistorted feet at Z = 0 and heads at ``person_height_m``, before a camera with ``K`` whose
+    tilt and roll are ``given``.
+    """
 
     foot_uv: Float[np.ndarray, "n 2"]
     head_uv: Float[np.ndarray, "n 2"]
     K: Float[np.ndarray, "3 3"]
     person_height_m: float
+    given: Orientation
 
     @classmethod
-    def of(cls, case: Case, K: np.ndarray) -> "_People":
+    def of(cls, case: Case, K: np.ndarray, given: Orientation) -> "_People":
         ends = [uv[case.usable] for uv in (case.segments.foot_uv, case.segments.head_uv)]
         lens = case.frame.lens
         foot, head = ends if lens is None else [lens.undistort(uv)[0] for uv in ends]
-        return cls(foot, head, K, case.asked.person_height_m)
+        return cls(foot, head, K, case.asked.person_height_m, given)
 
     def select(self, rows: np.ndarray) -> "_People":
         return replace(self, foot_uv=self.foot_uv[rows], head_uv=self.head_uv[rows])
 
-    def consensus(self, given: Orientation, how: str, seed: int) -> Bool[np.ndarray, "n"]:
+    def consensus(self, how: str, seed: int) -> Bool[np.ndarray, "n"]:
         """The largest set that agrees on one height, exactly or by RANSAC."""
-        R = rotation_from_tilt_roll(given.tilt_rad, given.roll_rad)
-        args = self.K, R, self.foot_uv, self.head_uv, self.person_height_m
-        intervals = inlier_intervals(*args)
+        R = rotation_from_tilt_roll(self.given.tilt_rad, self.given.roll_rad)
+        people = self.foot_uv, self.head_uv, self.person_height_m
+        intervals = inlier_intervals(self.K, R, *people)
         if how == "exact":
             return exact_consensus(intervals)
-        own = 1 / self.own_height_m(given)
+        own = 1 / self.system().each
         return ransac_consensus(intervals, own, rng=np.random.default_rng(seed))
 
-    def own_height_m(self, given: Orientation) -> Float[np.ndarray, "n"]:
-        """The camera height that each person alone suggests; NaN or infinite where none."""
-        R = rotation_from_tilt_roll(given.tilt_rad, given.roll_rad)
-        system = height_system(self.K, R, self.foot_uv, self.head_uv, self.person_height_m)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return system.moment / system.information
-
-    def height_m(self, given: Orientation, log_f_step: float = 0.0) -> float:
-        """The camera height by least squares, with the focal length changed by a factor."""
+    def system(self, log_f: float = 0.0, tilt: float = 0.0, roll: float = 0.0) -> HeightSystem:
+        """The equations of the camera's height, the orientation changed by so much."""
         K = self.K.copy()
-        K[:2, :2] *= np.exp(log_f_step)
-        R = rotation_from_tilt_roll(given.tilt_rad, given.roll_rad)
-        return height_system(K, R, self.foot_uv, self.head_uv, self.person_height_m).solve()
+        K[:2, :2] *= np.exp(log_f)
+        R = rotation_from_tilt_roll(self.given.tilt_rad + tilt, self.given.roll_rad + roll)
+        return height_system(K, R, self.foot_uv, self.head_uv, self.person_height_m)
 
-    def sensitivity(self, given: Orientation) -> Float[np.ndarray, "3"]:
+    def sensitivity(self) -> Float[np.ndarray, "3"]:
         """Derivative of log height by log f, tilt and roll, by central differences."""
-
-        def log_height(log_f: float, tilt: float, roll: float) -> float:
-            turned = replace(given, tilt_rad=given.tilt_rad + tilt, roll_rad=given.roll_rad + roll)
-            return float(np.log(self.height_m(turned, log_f)))
-
-        steps = _STEP * np.eye(3)
-        rise = [log_height(*step) - log_height(*-step) for step in steps]
+        steps = [(self.system(*step), self.system(*-step)) for step in _STEP * np.eye(3)]
+        rise = [np.log(more.solve()) - np.log(less.solve()) for more, less in steps]
         return np.array(rise) / (2 * _STEP)
 
     def head_error(self, P: Float[np.ndarray, "3 4"]) -> Float[np.ndarray, "n"]:

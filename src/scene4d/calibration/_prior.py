@@ -38,6 +38,13 @@ mean square of the three cameras at hand whose principal point was measured (PET
 (0.12, 0.01), the laboratory by (0.03, 0.02) and (0.05, 0.00)); others were assumed to be 0."""
 
 
+def inverse_of(matrix: Float[np.ndarray, "k k"], free: np.ndarray) -> Float[np.ndarray, "k k"]:
+    """The inverse over the rows that are ``free`` (a mask, or indices), zero elsewhere."""
+    found, both = np.zeros_like(matrix), np.ix_(free, free)
+    found[both] = np.linalg.inv(matrix[both])
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class Prior:
     """Mean and standard deviation of the seven parameters; sigma 0 holds a parameter fixed.
@@ -76,6 +83,12 @@ class Prior:
             middle[TILT, [CENTRE_U, CENTRE_V]] = np.sin(roll) / focal, -np.cos(roll) / focal
             inverse = middle.T @ inverse @ middle
         return inverse
+
+    def costs(self, parameters: Float[np.ndarray, "m 7"]) -> Float[np.ndarray, "m"]:
+        """``-2 log p`` of many cameras, up to a constant."""
+        gap = parameters - self.mean
+        costs: np.ndarray = ((gap @ self.precision) * gap).sum(axis=1)
+        return costs
 
     def with_orientation(self, orientation: Orientation, half_diagonal_px: float) -> "Prior":
         """Replace the beliefs about f, tilt and roll; infinite spreads leave them as they are."""

@@ -243,10 +243,7 @@ def _renumbered(track: np.ndarray) -> np.ndarray:
 
 
 def _lines(frame: ImageFrame, xyxy: np.ndarray) -> Lines:
-    ends = xyxy.reshape(-1, 2)
-    if frame.lens is not None:
-        ends = frame.lens.undistort(ends)[0]
-    both = frame.normalised(ends).T.reshape(-1, 4)
+    both = frame.straight(xyxy.reshape(-1, 2)).T.reshape(-1, 4)
     both = both[np.isfinite(both).all(axis=1)]
     both = both[np.hypot(both[:, 2] - both[:, 0], both[:, 3] - both[:, 1]) > 1e-6]
     unit = frame.half_diagonal_px

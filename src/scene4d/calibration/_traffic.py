@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from scene4d.calibration._body import FOCAL, HEIGHT, N_PARAMETERS, ROLL, TILT, Points
+from scene4d.calibration._body import HEIGHT, N_PARAMETERS, Points
 from scene4d.calibration._case import ImageFrame
 from scene4d.calibration._joint import distinct, orientation_grid, position_weights
 from scene4d.calibration._prior import Prior
@@ -95,20 +95,15 @@ class Traffic:
     def uprights(self) -> Points:
         """From the bottom to the top of the boxes, as of people."""
         x1, y1, x2, y2 = self.detections.box_xyxy.T
-        foot, head = (
-            _straight(self.frame, np.stack([(x1 + x2) / 2, y], axis=1)).T for y in (y2, y1)
-        )
+        foot, head = (self.frame.straight(np.stack([(x1 + x2) / 2, y], axis=1)) for y in (y2, y1))
         return Points(foot, head, np.ones(len(x1), bool), 0.0)
 
     def starts(self, prior: Prior, keep: int = _STARTS) -> Float[np.ndarray, "m 7"]:
         """The best ``keep`` distinct cameras of the solver's grid, with heights, best first."""
-        orientations = orientation_grid(prior)
-        parameters = np.tile(prior.mean, (len(_HEIGHTS_M), len(orientations), 1))
-        parameters[..., [FOCAL, TILT, ROLL]] = orientations
+        parameters = np.tile(orientation_grid(prior), (len(_HEIGHTS_M), 1, 1))
         parameters[..., HEIGHT] = np.log(_HEIGHTS_M)[:, None]
         parameters = parameters.reshape(-1, N_PARAMETERS)
-        gap = parameters - prior.mean
-        cost = self._rough_costs(parameters) + ((gap @ prior.precision) * gap).sum(axis=1)
+        cost = self._rough_costs(parameters) + prior.costs(parameters)
         return parameters[distinct(parameters, np.argsort(cost), keep)]
 
     def _rough_costs(self, parameters: Float[np.ndarray, "k 7"]) -> Float[np.ndarray, "k"]:
@@ -205,15 +200,15 @@ def _in_frame(
     x1, y1, x2, y2 = box.T
     mid_x, mid_y = (x1 + x2) / 2, (y1 + y2) / 2
     ends = np.stack([[x1, mid_y], [mid_x, y1], [x2, mid_y], [mid_x, y2]]).transpose(2, 0, 1)
-    on_edge = _straight(frame, ends.reshape(-1, 2)).reshape(ends.shape)
+    on_edge = frame.straight(ends.reshape(-1, 2)).T.reshape(ends.shape)
     axis = _axes(frame, ends)
     middle, back_, front_ = (
-        _straight(frame, uv) for uv in (np.stack([mid_x, mid_y], 1), back, front)
+        frame.straight(uv).T for uv in (np.stack([mid_x, mid_y], 1), back, front)
     )
     chord = front_ - back_
     across = np.stack([-chord[:, 1], chord[:, 0]], 1) / np.hypot(*chord.T)[:, None]
     size = np.sqrt((box[:, 2:] - box[:, :2]).prod(axis=1)) / unit
-    foot = _straight(frame, np.stack([mid_x, y2], 1)).T
+    foot = frame.straight(np.stack([mid_x, y2], 1))
     return Vehicles(
         edge=(axis * on_edge).sum(axis=-1),
         axis=axis,
@@ -229,12 +224,6 @@ def _in_frame(
     )
 
 
-def _straight(frame: ImageFrame, uv: np.ndarray) -> np.ndarray:
-    """Pixels of the footage (n, 2) in the solver's frame."""
-    straight = uv if frame.lens is None else frame.lens.undistort(uv)[0]
-    return frame.normalised(straight).T
-
-
 def _axes(frame: ImageFrame, ends: np.ndarray) -> np.ndarray:
     """Directions (n, 4, 2) along which edges at ``ends`` (n, 4, 2) are measured, in units of the
     footage: across the edges, where a known lens has bent and stretched them.
@@ -247,6 +236,6 @@ def _axes(frame: ImageFrame, ends: np.ndarray) -> np.ndarray:
     for j in range(2):
         step = np.zeros(2)
         step[j] = 0.5
-        there = [_straight(frame, (ends + s).reshape(-1, 2)) for s in (step, -step)]
+        there = [frame.straight((ends + s).reshape(-1, 2)).T for s in (step, -step)]
         slope[..., j] = (there[0] - there[1]).reshape(ends.shape) * frame.half_diagonal_px
     return (axes[..., None, :] @ np.linalg.inv(slope))[..., 0, :]

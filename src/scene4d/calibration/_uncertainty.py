@@ -1,12 +1,13 @@
 """Covariance of the refined camera: the data's noise, and what the model itself may get wrong."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from scene4d.calibration._body import N_PARAMETERS, Points
+from scene4d.calibration._prior import inverse_of
 from scene4d.calibration._problem import Problem, State
 from scene4d.calibration._refine import (
     Linearisation,
@@ -36,10 +37,10 @@ def covariance(problem: Problem, state: State) -> Float[np.ndarray, "7 7"]:
     lin = linearise(problem, state)
     inverse = _inverse_hessian(problem, state, lin)
     leak = _OUTLIER_LEAK * state.noise.short
-    effects = [
-        Systematic("outliers taken for people: size", leak, _growing),
-        Systematic("outliers taken for people: length", leak, _stretched),
-        Systematic("height of a second ground level", problem.points.ground_sigma_m, _raised),
+    effects: list[_Effect] = [
+        (leak, _growing),  # outliers taken for people: size and length
+        (leak, _longer),
+        (problem.points.ground_sigma_m, _raised),
     ]
     own = inverse[:N_PARAMETERS, :N_PARAMETERS]
     if len(problem.track) == 0:
@@ -80,11 +81,7 @@ def data_covariance(problem: Problem, state: State) -> Float[np.ndarray, "7 7"]:
 
 def _inverse_hessian(problem: Problem, state: State, lin: Linearisation) -> np.ndarray:
     lin = replace(lin, weight=observed_weights(problem, lin))
-    hessian = normal_equations(problem, state, lin).hessian
-    free = problem.free
-    inverse = np.zeros_like(hessian)
-    inverse[np.ix_(free, free)] = np.linalg.inv(hessian[np.ix_(free, free)])
-    return inverse
+    return inverse_of(normal_equations(problem, state, lin).hessian, problem.free)
 
 
 def _beyond_the_model(
@@ -153,23 +150,13 @@ def _gradient(problem: Problem, state: State) -> np.ndarray:
     return normal_equations(problem, state, linearise(problem, state)).gradient
 
 
-@dataclass(frozen=True)
-class Systematic:
-    """An effect that all people share: its spread, and what one unit of it does to the points."""
-
-    name: str
-    sigma: float
-    disturb: Callable[[Points, float], Points]
+_Effect = tuple[float, Callable[[Points, float], Points]]
+"""An effect that all people share: its spread, and what so much of it does to the points."""
 
 
 def _longer(points: Points, fraction: float | np.ndarray) -> Points:
     """Everybody seen longer by a fraction, of each its own where it is (n,)."""
     return replace(points, head=points.foot + points.seen * (1 + fraction))
-
-
-def _stretched(points: Points, amount: float) -> Points:
-    """Everybody seen longer by the same fraction."""
-    return _longer(points, amount)
 
 
 def _raised(points: Points, amount: float) -> Points:
@@ -188,7 +175,7 @@ def _shared(
     state: State,
     here: np.ndarray,
     inverse: np.ndarray,
-    effects: list[Systematic],
+    effects: list[_Effect],
 ) -> np.ndarray:
     """What shared effects add to the covariance (Schmidt's consider covariance).
 
@@ -196,10 +183,10 @@ def _shared(
     gradient's change is taken by a difference quotient over the disturbed points.
     """
     total = np.zeros((N_PARAMETERS, N_PARAMETERS))
-    for effect in effects:
-        if effect.sigma == 0:
+    for sigma, disturb in effects:
+        if sigma == 0:
             continue
-        disturbed = replace(problem, points=effect.disturb(problem.points, effect.sigma))
+        disturbed = replace(problem, points=disturb(problem.points, sigma))
         shift = -(inverse @ (_gradient(disturbed, state) - here))[:N_PARAMETERS]
         total += np.outer(shift, shift)
     return total

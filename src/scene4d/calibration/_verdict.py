@@ -129,17 +129,13 @@ def refusal(
             f"needed: {first}people who stand upright on the same plane, or a lens file if the "
             "lens distortion is strong"
         )
-    focal_sigma = float(np.sqrt(covariance[FOCAL, FOCAL]))
     flat = depth < _MIN_DEPTH and bool(prior.sigma[FOCAL] > FOCAL_KNOWN)
+    what = _vague(covariance, relative_ground_error)
     if flat:
         what = "the focal length is not determined"
     elif _reach(points) < _ONE_SPOT and prior.sigma[TILT] > _TILT_KNOWN:
         what = "the tilt is not determined"
-    elif focal_sigma > _MAX_FOCAL_SIGMA:
-        what = f"the focal length is not determined (± {focal_sigma:.0%})"
-    elif not relative_ground_error <= _MAX_GROUND_ERROR:  # true for NaN
-        what = f"ground positions would be wrong by {relative_ground_error:.0%} of their distance"
-    else:
+    elif what is None:
         known = prior.sigma[FOCAL] <= FOCAL_KNOWN
         return None if known else _implausible(parameters, points.fisheye, who)
     where, needed = _lack(points, who, flat=flat)
@@ -156,18 +152,22 @@ def landmark_refusal(
     covariance: Float[np.ndarray, "7 7"], relative_ground_error: float
 ) -> str | None:
     """As :func:`refusal`, of a camera that landmarks tell: it needs neither people nor depth."""
-    focal_sigma = float(np.sqrt(covariance[FOCAL, FOCAL]))
-    if focal_sigma > _MAX_FOCAL_SIGMA:
-        what = f"the focal length is not determined (± {focal_sigma:.0%})"
-    elif not relative_ground_error <= _MAX_GROUND_ERROR:  # true for NaN
-        what = f"ground positions would be wrong by {relative_ground_error:.0%} of their distance"
-    else:
-        return None
-    return (
+    what = _vague(covariance, relative_ground_error)
+    return what and (
         f"{what}: the landmarks, and the people if there are any, are too few or too close together"
         "; needed: four or more ground points near and far and on both sides, more people"
         f"{' or a lens file (lens)' if covariance[FOCAL, FOCAL] > 0 else ''}"
     )
+
+
+def _vague(covariance: np.ndarray, relative_ground_error: float) -> str | None:
+    """What is too uncertain for use, if so."""
+    focal_sigma = float(np.sqrt(covariance[FOCAL, FOCAL]))
+    if focal_sigma > _MAX_FOCAL_SIGMA:
+        return f"the focal length is not determined (± {focal_sigma:.0%})"
+    if not relative_ground_error <= _MAX_GROUND_ERROR:  # true for NaN
+        return f"ground positions would be wrong by {relative_ground_error:.0%} of their distance"
+    return None
 
 
 def _lack(points: Points, who: str, *, flat: bool) -> tuple[str, str]:

@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.calibration._body import CORNER, FOCAL, HEIGHT, N_PARAMETERS, Points
+from scene4d.calibration._body import CORNER, FOCAL, HEIGHT, Points
 from scene4d.calibration._joint import distinct, orientation_grid
 from scene4d.calibration._landmarks import LandmarkTerm
-from scene4d.calibration._prior import Prior
+from scene4d.calibration._prior import Prior, inverse_of
 from scene4d.calibration._problem import Noise, Problem, State, TermValue
 from scene4d.calibration._refine import descend
 from scene4d.calibration._verdict import SIGMAS
@@ -49,10 +49,7 @@ class Belief:
     @classmethod
     def of(cls, mean: Float[np.ndarray, "7"], covariance: Float[np.ndarray, "7 7"]) -> "Belief":
         """The belief with this covariance, zero for fixed parameters."""
-        free = np.flatnonzero(np.diag(covariance) > 0)
-        precision = np.zeros_like(covariance)
-        precision[np.ix_(free, free)] = np.linalg.inv(covariance[np.ix_(free, free)])
-        return cls(mean, precision)
+        return cls(mean, inverse_of(covariance, np.diag(covariance) > 0))
 
     def at(self, parameters: Float[np.ndarray, "7"]) -> TermValue:
         """Its value at a camera."""
@@ -73,17 +70,14 @@ def landmark_starts(term: LandmarkTerm, prior: Prior) -> Float[np.ndarray, "m 7"
 
     For each orientation of the solver's grid, landmarks tell the height in closed form.
     """
-    orientations = orientation_grid(prior)
-    grid = np.tile(prior.mean, (len(orientations), 1))
-    grid[:, :3] = orientations
+    grid = orientation_grid(prior)
     told = term.log_heights(grid[:, :3], prior.mean[CORNER])
     known = np.isfinite(told).sum(axis=1)
     level = np.sort(told, axis=1)[np.arange(len(grid)), np.maximum(known - 1, 0) // 2]
     grid[known > 0, HEIGHT] = level[known > 0]
     apart2 = ((told - level[:, None]) / _GRID_SPREAD) ** 2
     cost = np.where(apart2 < _GRID_OUTLIER**2, apart2, _GRID_OUTLIER**2).sum(axis=1)
-    gap = grid - prior.mean
-    cost = cost + ((gap @ prior.precision) * gap).sum(axis=1)
+    cost = cost + prior.costs(grid)
     grid = grid[np.argsort(cost)[:_GRID_BEST]]
     blurred = term.blurred(_BLURS[0])
     order = np.argsort([blurred.rough_cost(parameters) for parameters in grid])
@@ -132,11 +126,8 @@ class Fused:
 
     def focal_sigma_without_people(self) -> float:
         """Relative standard deviation of the focal length by landmarks and prior alone."""
-        free = np.ix_(self.prior.free, self.prior.free)
-        alone = np.zeros((N_PARAMETERS, N_PARAMETERS))
         told = self.prior.precision + self.term.at(self.parameters).hessian
-        alone[free] = np.linalg.inv(told[free])
-        return float(np.sqrt(alone[FOCAL, FOCAL]))
+        return float(np.sqrt(inverse_of(told, self.prior.free)[FOCAL, FOCAL]))
 
 
 def fused(
@@ -180,9 +171,7 @@ def _best(
             information = np.sum([other.hessian for other in lin.others], axis=0)
             if float(moved @ information @ moved) < _SETTLED**2:
                 break
-        covariance = np.zeros((N_PARAMETERS, N_PARAMETERS))
-        free = np.ix_(prior.free, prior.free)
-        covariance[free] = np.linalg.inv(information[free])
+        covariance = inverse_of(information, prior.free)
         answer = Fused(parameters, covariance, belief, term, prior)
         candidates.append((lin.cost, len(candidates), answer))
     return min(candidates)[2]
