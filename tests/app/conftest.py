@@ -11,7 +11,7 @@ from finding_scenes import parked, people, write_scene
 from scene4d.app import ViewOptions, view
 from walks import write_video
 
-_PATIENCE_MS = 30_000
+_PATIENCE_MS = 60_000
 """A busy machine is no failure."""
 expect.set_options(timeout=_PATIENCE_MS)
 

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -69,7 +70,9 @@ def test_a_camera_that_is_watched_comes_into_the_page_by_itself(opened, tmp_path
     expect(page.locator("#live")).to_have_attribute("data-state", "connected")
     assert page.locator("#fleet-toggle").is_hidden()  # one camera
     places = [str(HERE / "tracking"), str(HERE), str(video), *words, "a person walks"]
-    with subprocess.Popen([sys.executable, "-c", WATCH, *places], cwd=tmp_path) as watching:
+    command = [sys.executable, "-c", WATCH, *places]
+    with subprocess.Popen(command, cwd=tmp_path) as watching, ExitStack() as ending:
+        ending.callback(watching.kill)  # else a failure waits for it, and it never ends
         expect(page.locator("#run-choice option")).to_have_count(2)
         page.keyboard.press("c")
         tile = page.locator(".tile[data-camera=yard]")
