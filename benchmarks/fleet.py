@@ -23,7 +23,7 @@ from fleet_plans import FPS, boxes, nothing_work, plan  # noqa: E402
 
 from benchmarks.tables import Rows, markdown  # noqa: E402
 from scene4d.fleet import read_plan, run_fleet  # noqa: E402
-from scene4d.fleet._ray import LOCAL  # noqa: E402
+from scene4d.fleet._executors import LOCAL  # noqa: E402
 from scene4d.tracking import TrackOptions, track  # noqa: E402
 
 CLIPS, TURNS, MANY = 8, 2, 10_000

@@ -84,8 +84,10 @@ def equal(folder: Path, store: Path, what: str) -> None:
     check(not list((store / ".half").glob("*")), f"{what}: half a result was left")
 
 
-def kill_workers_and_nodes(folder: Path, path: Path, kills: int, rng: random.Random) -> str:
-    there, killed, round_ = Nodes(), {"worker": 0, "node": 0}, 0
+def kill_workers_and_nodes(
+    there: Nodes, folder: Path, path: Path, kills: int, rng: random.Random
+) -> str:
+    killed, round_ = {"worker": 0, "node": 0}, 0
     while sum(killed.values()) < kills:
         shutil.rmtree(folder / "workers", ignore_errors=True)
         there.filled()
@@ -105,16 +107,16 @@ def kill_workers_and_nodes(folder: Path, path: Path, kills: int, rng: random.Ran
         ended.set()
         thread.join()
         equal(folder, store, "kills")
-    there.cluster.shutdown()
     return f"{killed['worker']} workers and {killed['node']} nodes in {round_} runs"
 
 
-def kill_head_and_program(folder: Path, path: Path, rng: random.Random) -> str:
+def kill_head_and_program(there: Nodes, folder: Path, path: Path, rng: random.Random) -> str:
+    """The cluster outlives the program; where its head is killed, there is another one."""
     told = []
-    for number, what in enumerate(("head", "program", "program", "program alone")):
+    for number, what in enumerate(("program", "program", "program alone", "head")):
+        there.filled()
         store = folder / f"restarted{number}"
-        there = None if what == "program alone" else Nodes()
-        words = [path, store, "" if there is None else there.cluster.address]
+        words = [path, store, "" if what == "program alone" else there.cluster.address]
         process = subprocess.Popen(
             [sys.executable, "-c", CHILD, *map(str, words)],
             stdout=subprocess.DEVNULL,
@@ -132,17 +134,17 @@ def kill_head_and_program(folder: Path, path: Path, rng: random.Random) -> str:
             process.kill()
         process.wait(timeout=300)
         check(process.returncode != 0, f"{what}: the fleet did not notice")
-        if there is not None:
-            there.cluster.shutdown()
         kept = done(store)
         check(least <= kept < 2 * CLIPS, f"{what}: {kept} results")
-        there = Nodes()
+        if what == "head":
+            there.cluster.shutdown()
+            there = Nodes()
         found = run_fleet(read_plan(path), store, ray=there.cluster.address, work=tiny_work)
-        there.cluster.shutdown()
         check(found.to_dict()["earlier"] >= kept, f"{what}: results were lost")
         equal(folder, store, what)
         told.append(f"{what} after {kept}")
         print(f"killed: {told[-1]}", flush=True)
+    there.cluster.shutdown()
     return ", ".join(told)
 
 
@@ -178,9 +180,10 @@ def main() -> None:
         folder = boxes(Path(name), clips=CLIPS)
         path = plan(folder, "workers: {cores: 1, memory_gb: 1, attempts: 50}")
         run_fleet(path, folder / "quiet", work=tiny_work)
-        killed = kill_workers_and_nodes(folder, path, given.kills, rng)
+        there = Nodes()
+        killed = kill_workers_and_nodes(there, folder, path, given.kills, rng)
         print(f"killed: {killed}", flush=True)
-        restarted = kill_head_and_program(folder, path, rng)
+        restarted = kill_head_and_program(there, folder, path, rng)
     with tempfile.TemporaryDirectory(prefix="fleet-faults-") as name:
         folder = boxes(Path(name), clips=1)
         full = fill_disk(folder, plan(folder))

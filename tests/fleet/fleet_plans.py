@@ -85,5 +85,5 @@ def nothing_work(job, address):
 
 
 def _nothing(job, store, scratch, out):
-    (out / "seen.txt").write_text(job.key)
+    (out / "seen.txt").write_text(job.result.key)
     return 1.0

@@ -3,7 +3,6 @@
 import os
 import random
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -14,8 +13,8 @@ from fleet_plans import NODE, boxes, head, plan, results, tiny_work
 
 from scene4d.core.errors import UnavailableError
 from scene4d.fleet import read_plan, run_fleet
+from scene4d.fleet._executors import OnRay
 from scene4d.fleet._plan import Workers
-from scene4d.fleet._ray import OnRay
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +33,7 @@ def killer(cluster, folder: Path, store: Path, rng: random.Random) -> None:
     time.sleep(rng.uniform(0.0, 0.3))
     newest = max(seen.iterdir(), key=lambda one: one.stat().st_mtime_ns)
     os.kill(int(newest.suffix[1:]), signal.SIGKILL)
-    until(lambda: len(list((store / "done").glob("*.json"))) >= rng.randint(3, 8))
+    until(lambda: len(list((store / "done").glob("*.json"))) >= rng.randint(3, 6))
     time.sleep(rng.uniform(0.0, 0.3))
     cluster.remove_node(cluster.victim, allow_graceful=False)
 
@@ -45,8 +44,10 @@ def until(there) -> None:
         time.sleep(0.02)
 
 
-def test_a_killed_worker_and_a_killed_node_lose_nothing(cluster, tmp_path, capfd):
-    folder = boxes(tmp_path, clips=10)
+def test_a_killed_worker_and_a_killed_node_lose_nothing(cluster, tmp_path, capfd, monkeypatch):
+    from ray._common.usage import usage_lib
+
+    folder = boxes(tmp_path, clips=7)
     (folder / "gate" / "gate-20261120T080300.txt").write_text("poison")
     asked = read_plan(plan(folder, "workers: {cores: 1, memory_gb: 1}"))
     store = folder / "store"
@@ -56,7 +57,7 @@ def test_a_killed_worker_and_a_killed_node_lose_nothing(cluster, tmp_path, capfd
     thread.join()
     assert capfd.readouterr().out == ""  # where --json is
     said = found.to_dict()
-    assert (said["done"], said["quarantined"]) == (19, 1)
+    assert (said["done"], said["quarantined"]) == (13, 1)
     (aside,) = found.quarantine
     assert aside["clip"].endswith("080300.txt")
     assert aside["reason"].startswith("it killed 3 workers")
@@ -69,29 +70,18 @@ def test_a_killed_worker_and_a_killed_node_lose_nothing(cluster, tmp_path, capfd
     assert len({path.suffix for path in (folder / "workers").iterdir()}) > 3
     assert not list((store / ".half").glob("*"))
 
+    # Ray's report of its use is off, whatever it was before.
+    monkeypatch.delenv("RAY_USAGE_STATS_ENABLED")
     with pytest.raises(UnavailableError, match="no machine has 64 cores and 1 GB; ask for less"):
         OnRay(str(store), cluster.address, Workers(64.0, 1.0), tiny_work)
+    assert not usage_lib.usage_stats_enabled()
 
 
-def test_nothing_is_told_to_anybody_and_what_is_missing_is_said():
-    """Ray's report of its use is off before Ray is there; without Ray or cluster one error."""
-    code = (
-        "import os, sys\n"
-        "from scene4d.fleet._ray import OnRay\n"
-        "from scene4d.fleet._plan import Workers\n"
-        "assert 'ray' not in sys.modules\n"
-        "try: OnRay('x', '127.0.0.1:1', Workers(), print)\n"
-        "except Exception as error: print(type(error).__name__, error)\n"
-        "from ray._common.usage import usage_lib\n"
-        "assert not usage_lib.usage_stats_enabled()\n"
-        "sys.modules['ray'] = None\n"
-        "try: OnRay('x', 'local', Workers(), print)\n"
-        "except Exception as error: print(type(error).__name__, error)\n"
-    )
-    env = {k: v for k, v in os.environ.items() if k != "RAY_USAGE_STATS_ENABLED"}
-    out = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=env, check=False
-    )
-    assert out.returncode == 0, out.stderr
-    assert "UnavailableError 127.0.0.1:1: no Ray cluster answers" in out.stdout
-    assert "UnavailableError Ray is not here; pip install 'scene4d[ray]'" in out.stdout
+def test_without_ray_or_a_cluster_there_is_one_error(monkeypatch):
+    monkeypatch.delenv("RAY_USAGE_STATS_ENABLED", raising=False)
+    with pytest.raises(UnavailableError, match=r"127\.0\.0\.1:1: no Ray cluster answers"):
+        OnRay("x", "127.0.0.1:1", Workers(), tiny_work)
+    assert os.environ["RAY_USAGE_STATS_ENABLED"] == "0"  # before Ray is imported, which reads it
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(UnavailableError, match=r"Ray is not here; pip install 'scene4d\[ray\]'"):
+        OnRay("x", "local", Workers(), tiny_work)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
 from scene4d.fleet._plan import read_plan
-from scene4d.fleet._tasks import Line, Need, key_of, tasks_of
+from scene4d.fleet._tasks import Line, Result, key_of, tasks_of
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_a_key_follows_from_content_stage_options_and_needs(folder):
     other = tasks_of(read_plan(folder / "plan.yaml"))[0]
     camera = task.calibration.read_bytes()
     keys = [key, key_of(other, "ab", ()), key_of(task, "ac", ())]
-    keys.append(key_of(task, "ab", (Need("calibrate", "gate", "0"),)))
+    keys.append(key_of(task, "ab", (Result("calibrate", "gate", "0"),)))
     task.calibration.write_bytes(camera + b" ")
     keys.append(key_of(task, "ab", ()))
     task.calibration.write_bytes(camera)

@@ -225,7 +225,7 @@ def test_one_fleet_works_on_a_store_at_a_time(folder, where):
     def work(job, address):
         with pytest.raises(InputError, match=f"{where}: another fleet works on this store.*; wait"):
             run_fleet(plan(folder), where)
-        refused.append(job.key)
+        refused.append(job)
         raise KeyboardInterrupt
 
     for number in (1, 2):  # the first one has ended

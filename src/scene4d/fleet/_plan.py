@@ -178,7 +178,7 @@ def _of_folder(folder: Path) -> Plan:
 def _footage(cameras: JsonObject, name: str, base: Path) -> Footage:
     said = cameras.object(name) if not isinstance(cameras.value(name), str | list) else None
     if said is None:
-        return Footage(name, tuple(_clips(cameras, name, base)))
+        return Footage(name, _clips(cameras, name, base))
     said.only(("footage", "boxes", "camera", "start"))
     if ("footage" in said) is ("boxes" in said):
         raise said.error("footage", "given, or boxes in its place, and not both")
@@ -187,13 +187,13 @@ def _footage(cameras: JsonObject, name: str, base: Path) -> Footage:
     if isinstance(camera, str):
         raise said.error("camera", "a camera file that is there")
     start = said.text("start") if "start" in said else None
-    found = Footage(name, tuple(_clips(said, kind, base)), kind == "boxes", camera, start)
+    found = Footage(name, _clips(said, kind, base), kind == "boxes", camera, start)
     for clip in found.clips:
         found.begins(clip)
     return found
 
 
-def _clips(said: JsonObject, name: str, base: Path) -> Iterator[Path]:
+def _clips(said: JsonObject, name: str, base: Path) -> tuple[Path, ...]:
     """The files that a text, or a list of texts, names; each once, in order of their names."""
     texts = (said.text(name),) if isinstance(said.value(name), str) else said.texts(name)
     found: set[Path] = set()
@@ -209,7 +209,7 @@ def _clips(said: JsonObject, name: str, base: Path) -> Iterator[Path]:
         found.update(files)
     if not found:
         raise said.error(name, "a file, a glob, or a list of them")
-    return iter(sorted(found))
+    return tuple(sorted(found))
 
 
 def _stage(said: JsonObject, name: str, kind: type[T], base: Path) -> T | None:

@@ -6,43 +6,34 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from scene4d.core.errors import InputError, OutputError, Scene4DError, UnavailableError
 from scene4d.core.files import write_bytes, write_json
 from scene4d.core.progress import Silent
 from scene4d.core.staging import scratch
 from scene4d.fleet._store import Store
-from scene4d.fleet._tasks import Job, Need
+from scene4d.fleet._tasks import Job, Result
 from scene4d.store.runs import Run, complete_runs, file_name
 
 EVENTS = "events.parquet"
 _CAMERA = "camera.json"
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS})
-_HERE = frozenset({OutputError.kind, UnavailableError.kind})
-"""Kinds of failures that are not the clip's: the machine lacks something."""
 KILLED, LOST = "killed", "lost"
 """Kinds that executors tell: a job's worker came to its end, or the machine under it."""
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """How a task ended: seconds it took and seconds of processor time, how much footage it went
-    through, and why it failed, if it did.
+class Outcome(NamedTuple):
+    """How a task ended: seconds of processor time, seconds of footage that it went through, and
+    what kind of failure it was and why, if it failed.
     """
 
-    wall_s: float = 0.0
     cpu_s: float = 0.0
     footage_s: float = 0.0
     kind: str | None = None
     reason: str | None = None
-
-    @property
-    def ends_all(self) -> bool:
-        """Whether the next clip would fail likewise, as on a full disk."""
-        return self.kind in _HERE
 
 
 Work = Callable[[Job, str], Outcome]
@@ -51,30 +42,28 @@ Work = Callable[[Job, str], Outcome]
 
 def work(job: Job, address: str) -> Outcome:
     """Do a task: stage the result on this machine, put it into the store, and mark it as done."""
-    wall_s, cpu_s = time.perf_counter(), time.process_time()
-    footage_s, kind, reason = 0.0, None, None
+    begun_s, footage_s, kind, reason = time.process_time(), 0.0, None, None
+    path, key = job.result.path, job.result.key
     try:
         store = Store(address)
         with scratch(Path(tempfile.gettempdir()), "scene4d-fleet-") as here:
             out = here / "out"
             out.mkdir()
             footage_s = _STAGES[job.task.stage](job, store, here, out)
-            store.put(out, job.path)
-        store.write(f"done/{job.key}", said_of(job) | {"path": job.path, "footage_s": footage_s})
+            store.put(out, path)
+        store.write(f"done/{key}", said_of(job) | {"path": path, "footage_s": footage_s})
     except Exception as error:  # a defect costs its clip, and no other
         kind, reason = _kind_of(error), " ".join(str(error).split())
         if not isinstance(error, Scene4DError):
             reason = f"{type(error).__name__}: {reason}"
-    return Outcome(
-        time.perf_counter() - wall_s, time.process_time() - cpu_s, footage_s, kind, reason
-    )
+    return Outcome(time.process_time() - begun_s, footage_s, kind, reason)
 
 
 def said_of(job: Job) -> dict[str, Any]:
     """What the store says of a task, done or not."""
     task = job.task
     return {
-        "key": job.key,
+        "key": job.result.key,
         "stage": task.stage,
         "camera": task.camera,
         "clip": None if task.clip is None else str(task.clip),
@@ -172,7 +161,7 @@ def _search(job: Job, store: Store, scratch: Path, out: Path) -> float:
     return 0.0
 
 
-def _scene(need: Need, store: Store, scratch: Path) -> tuple[Path, tuple[Run, ...]]:
+def _scene(need: Result, store: Store, scratch: Path) -> tuple[Path, tuple[Run, ...]]:
     """A tracked clip on this machine; raises :class:`InputError` where its result is no scene."""
     folder = store.fetched(need.path, scratch)
     runs = complete_runs(folder)

@@ -1,16 +1,26 @@
-"""How far a fleet is, camera by camera: ``status.json``, and the table at the end."""
+"""What a round tells: how far it is, camera by camera, and the events of all cameras."""
 
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
+from scene4d.core.errors import OutputError
 from scene4d.fleet._plan import Plan
-from scene4d.fleet._tasks import Task
+from scene4d.fleet._stages import EVENTS
+from scene4d.fleet._store import Store
+from scene4d.fleet._tasks import Line, Task
 
 _HOUR_S = 3600.0
 _COUNTS = ("tasks", "done", "earlier", "quarantined", "skipped", "running", "recording")
+
+_ORDER = "probability DESC NULLS LAST, score DESC, camera, run, begin_s"
+_TOP = 10
+"""Events told on the screen; the table holds all."""
+_TOLD = ("camera", "clip", "run", "begin_s", "end_s", "begin_time", "probability", "score")
 
 
 class Status:
@@ -60,3 +70,37 @@ def _state(one: Counter) -> str:
         return "complete"
     ended = one["done"] + one["quarantined"] + one["skipped"]
     return "quarantine" if ended == one["tasks"] > 0 else "waiting"
+
+
+def merged(words: Sequence[str], line: Line, store: Store) -> dict[str, dict[str, Any]]:
+    """Write ``events/NUMBER.parquet`` for each of the searches, best events first; where that is,
+    how many events, and the best of them.
+    """
+    parts: dict[str, list[str]] = {one: [] for one in words}
+    for number, result in line.results.items():
+        if result.stage == "search":
+            parts[line.tasks[number].words].append(result.path)
+    return {one: _merged(parts[one], f"events/{n}.parquet", store) for n, one in enumerate(words)}
+
+
+def _merged(parts: Sequence[str], path: str, store: Store) -> dict[str, Any]:
+    import duckdb
+
+    with tempfile.TemporaryDirectory(prefix="scene4d-events-") as name, duckdb.connect() as sql:
+        paths = [store.fetched(part, Path(name)) / EVENTS for part in parts]
+        tables = [str(path) for path in paths if path.is_file()]
+        if not tables:
+            return {"table": None, "events": 0, "best": []}
+        made = Path(name) / EVENTS
+        try:
+            sql.read_parquet(tables, union_by_name=True).order(_ORDER).write_parquet(str(made))
+        except duckdb.IOException as error:
+            raise OutputError(f"{name}: cannot be written: {error}") from error
+        store.write_bytes(path, made.read_bytes())
+        table = sql.read_parquet(str(made))
+        best = table.project(", ".join(_TOLD)).limit(_TOP).fetchall()
+        return {
+            "table": f"{store.address}/{path}",
+            "events": len(table),
+            "best": [dict(zip(_TOLD, row, strict=True)) for row in best],
+        }

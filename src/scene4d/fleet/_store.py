@@ -9,6 +9,7 @@ events/NUMBER.parquet       what the searches of the plan found in all cameras, 
 status.json                 how far the plan is, camera by camera
 """
 
+import hashlib
 import json
 import secrets
 import shutil
@@ -23,6 +24,7 @@ from fsspec.implementations.local import LocalFileSystem
 from scene4d.core.errors import InputError, OutputError, UnavailableError
 from scene4d.core.files import write_bytes
 from scene4d.core.staging import ensure_folder
+from scene4d.store.runs import file_name
 
 _HALF = ".half"
 """Results on their way into a folder."""
@@ -154,3 +156,38 @@ class Store:
 
 def _hidden(path: Path, folder: Path) -> bool:
     return any(part.startswith(".") for part in path.relative_to(folder).parts)
+
+
+class Clips:
+    """SHA-256 of clips; those of unchanged size and time of change are not read again."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._known: dict[str, dict[str, list[Any]]] = {}
+        self._changed: set[str] = set()
+
+    def sha256(self, camera: str, clip: Path) -> str:
+        """The hash of a clip's content; raises :class:`UnavailableError` if it cannot be read."""
+        if camera not in self._known:
+            self._known[camera] = self._store.read(_clips_of(camera)) or {}
+        known, name = self._known[camera], str(clip)
+        try:
+            said = clip.stat()
+            stat = [said.st_size, said.st_mtime_ns]
+            if name not in known or known[name][:2] != stat:
+                with clip.open("rb") as file:
+                    known[name] = [*stat, hashlib.file_digest(file, "sha256").hexdigest()]
+                self._changed.add(camera)
+        except OSError as error:
+            raise UnavailableError(f"{clip}: cannot be read: {error.strerror}") from error
+        return known[name][2]
+
+    def save(self) -> None:
+        """Write what is new."""
+        for camera in self._changed:
+            self._store.write(_clips_of(camera), self._known[camera])
+        self._changed.clear()
+
+
+def _clips_of(camera: str) -> str:
+    return f"clips/{file_name(camera, 'camera')}"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
 from heapq import heappop, heappush
+from itertools import chain, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -44,8 +45,8 @@ class Task:
         return f"{self.stage} {self.camera}{'' if self.clip is None else f' {self.clip.name}'}"
 
 
-class Need(NamedTuple):
-    """A result that a task stands on: whose, and under which key."""
+class Result(NamedTuple):
+    """What a task comes to: of which stage and camera, and under which key."""
 
     stage: str
     camera: str
@@ -53,27 +54,16 @@ class Need(NamedTuple):
 
     @property
     def path(self) -> str:
-        """Its folder in the store."""
-        return result_path(self.stage, self.camera, self.key)
+        """Its folder in the store: STAGE/CAMERA/key=KEY, as Hive partitions are called."""
+        return f"{self.stage}/{file_name(self.camera, 'camera')}/key={self.key}"
 
 
-@dataclass(frozen=True)
-class Job:
-    """A task that can be done now: its key, and the results that it stands on."""
+class Job(NamedTuple):
+    """A task that can be done now, what it comes to, and the results that it stands on."""
 
     task: Task
-    key: str
-    needs: tuple[Need, ...]
-
-    @property
-    def path(self) -> str:
-        """The folder of its result in the store."""
-        return result_path(self.task.stage, self.task.camera, self.key)
-
-
-def result_path(stage: str, camera: str, key: str) -> str:
-    """STAGE/CAMERA/key=KEY, as Hive partitions are called."""
-    return f"{stage}/{file_name(camera, 'camera')}/key={key}"
+    result: Result
+    needs: tuple[Result, ...]
 
 
 def tasks_of(plan: Plan) -> list[Task]:
@@ -84,25 +74,21 @@ def tasks_of(plan: Plan) -> list[Task]:
         tasks.append(task)
         return len(tasks) - 1
 
-    solved: dict[str, int] = {}
-    for one in plan.cameras:
-        if plan.calibrate is not None and one.camera is None and one.clips:
-            solved[one.name] = add(_of_clip("calibrate", plan.calibrate, one, one.clips[0]))
+    cameras = [one for one in plan.cameras if one.clips]
+    solved: dict[str, tuple[int]] = {}
+    for one in cameras:
+        if plan.calibrate is not None and one.camera is None:
+            solved[one.name] = (add(_of_clip("calibrate", plan.calibrate, one, one.clips[0])),)
     tracked: dict[str, tuple[int, ...]] = {}
-    if plan.track is not None:
-        for one in plan.cameras:
-            needs = tuple(solved[name] for name in (one.name,) if name in solved)
-            made = (_of_clip("track", plan.track, one, clip) for clip in one.clips)
-            if one.clips:
-                tracked[one.name] = tuple(add(replace(task, needs=needs)) for task in made)
+    for one in cameras if plan.track is not None else ():
+        made = (_of_clip("track", plan.track, one, clip) for clip in one.clips)
+        needs = solved.get(one.name, ())
+        tracked[one.name] = tuple(add(replace(task, needs=needs)) for task in made)
     if plan.align is not None and tracked:
-        everything = tuple(number for numbers in tracked.values() for number in numbers)
-        add(Task("align", SITE, plan.align, needs=everything, strict=False))
-    if plan.search is not None:
-        for words in plan.words:
-            for camera, needs in tracked.items():
-                options = plan.search
-                add(Task("search", camera, options, words=words, needs=needs, strict=False))
+        needs = tuple(chain.from_iterable(tracked.values()))
+        add(Task("align", SITE, plan.align, needs=needs, strict=False))
+    for words, (camera, needs) in product(plan.words, tracked.items()):
+        add(Task("search", camera, plan.search, words=words, needs=needs, strict=False))
     return tasks
 
 
@@ -110,7 +96,7 @@ def _of_clip(stage: str, options: Any, of: Footage, clip: Path) -> Task:
     return Task(stage, of.name, options, clip, of.begins(clip), of.boxes, of.camera)
 
 
-def key_of(task: Task, clip_sha256: str | None, needs: Sequence[Need]) -> str:
+def key_of(task: Task, clip_sha256: str | None, needs: Sequence[Result]) -> str:
     """What a task's result is called: 32 digits that follow from the version of the format, the
     stage, the options (files in them by their content), the clip's content, and what it needs.
     """
@@ -142,7 +128,7 @@ class Line:
 
     def __init__(self, tasks: Sequence[Task]) -> None:
         self.tasks = tasks
-        self.results: dict[int, Need] = {}
+        self.results: dict[int, Result] = {}
         self._open = [len(set(task.needs)) for task in tasks]
         self._after: dict[int, list[int]] = {}
         for number, task in enumerate(tasks):
@@ -160,15 +146,14 @@ class Line:
         there = len(self.needs(number))
         return bool(task.needs) and there < (len(task.needs) if task.strict else 1)
 
-    def needs(self, number: int) -> tuple[Need, ...]:
+    def needs(self, number: int) -> tuple[Result, ...]:
         """The results that a task stands on."""
         return tuple(self.results[one] for one in self.tasks[number].needs if one in self.results)
 
-    def ended(self, number: int, key: str | None) -> None:
+    def ended(self, number: int, result: Result | None) -> None:
         """A task came to its end, with a result or without one."""
-        task = self.tasks[number]
-        if key is not None:
-            self.results[number] = Need(task.stage, task.camera, key)
+        if result is not None:
+            self.results[number] = result
         for other in self._after.get(number, ()):
             self._open[other] -= 1
             if not self._open[other]:

@@ -11,17 +11,16 @@ from typing import Any
 from scene4d.core.errors import OutputError, UnavailableError
 from scene4d.core.progress import Advance, Progress, Silent
 from scene4d.fleet._alone import alone
-from scene4d.fleet._clips import Clips
-from scene4d.fleet._here import Executor, Here
-from scene4d.fleet._merging import merged
+from scene4d.fleet._executors import Executor, Here, OnRay
 from scene4d.fleet._plan import Plan, read_plan
 from scene4d.fleet._stages import KILLED, LOST, Work, said_of, work
-from scene4d.fleet._status import Status
-from scene4d.fleet._store import Store
-from scene4d.fleet._tasks import Job, Line, Task, key_of, tasks_of
+from scene4d.fleet._status import Status, merged
+from scene4d.fleet._store import Clips, Store
+from scene4d.fleet._tasks import Job, Line, Result, Task, key_of, tasks_of
 
 _log = logging.getLogger("scene4d")
 _ERRORS = {kind.kind: kind for kind in (OutputError, UnavailableError)}
+"""Failures that are not the clip's: the next one would fail likewise, as on a full disk."""
 _SAVED_EVERY_S = 5.0
 """How often ``status.json`` is written, and what clips contain: both are small."""
 
@@ -106,13 +105,9 @@ def _round(
     check: Callable[[], None],
     number: int,
 ) -> FleetRun:
-    executor: Executor
-    if ray is None:
-        executor = Here(store.address, work)
-    else:
-        from scene4d.fleet._ray import OnRay
-
-        executor = OnRay(store.address, ray, plan.workers, work)
+    executor = (
+        Here(store.address, work) if ray is None else OnRay(store.address, ray, plan.workers, work)
+    )
     try:
         fleet = _Fleet(plan, store, executor, check)
         with progress.stage("Working through the plan", len(fleet.line.tasks)) as step:
@@ -164,11 +159,12 @@ class _Fleet:
                 self._ended(number, None, step, skipped=1)
                 continue
             sha256 = None if task.clip is None else self._clips.sha256(task.camera, task.clip)
-            job = Job(task, key_of(task, sha256, needs), needs)
-            if job.key in self._done:
-                self._ended(number, job.key, step, done=1, earlier=1)
-            elif job.key in self._bad:
-                said = self._store.read(f"quarantine/{job.key}") or {}
+            result = Result(task.stage, task.camera, key_of(task, sha256, needs))
+            job = Job(task, result, needs)
+            if result.key in self._done:
+                self._ended(number, result, step, done=1, earlier=1)
+            elif result.key in self._bad:
+                said = self._store.read(f"quarantine/{result.key}") or {}
                 self._put_aside(number, job, said, step)
             else:
                 self._running[number] = job
@@ -194,19 +190,19 @@ class _Fleet:
             _log.warning("%s: its %s; it is begun again", job.task.shown, why)
             self._executor.begin(number, job)
             return
-        if outcome.ends_all:
-            raise _ERRORS[str(outcome.kind)](outcome.reason)
+        if outcome.kind in _ERRORS:
+            raise _ERRORS[outcome.kind](outcome.reason)
         del self._running[number]
         self.status.add(job.task, running=-1, cpu_s=outcome.cpu_s, footage_s=outcome.footage_s)
         if outcome.kind is None:
-            self._done.add(job.key)
-            self._ended(number, job.key, step, done=1)
+            self._done.add(job.result.key)
+            self._ended(number, job.result, step, done=1)
             return
         reason = outcome.reason
         if outcome.kind == KILLED:
             reason = f"it killed {self._killed[number]} workers ({reason})"
         said = said_of(job) | {"kind": outcome.kind, "reason": reason}
-        self._store.write(f"quarantine/{job.key}", said)
+        self._store.write(f"quarantine/{job.result.key}", said)
         self._put_aside(number, job, said, step)
 
     def _again(self, number: int) -> bool:
@@ -214,9 +210,9 @@ class _Fleet:
         self._killed[number] = self._killed.get(number, 0) + 1
         return self._killed[number] < self._plan.workers.attempts
 
-    def _ended(self, number: int, key: str | None, step: Advance, **how: int) -> None:
+    def _ended(self, number: int, result: Result | None, step: Advance, **how: int) -> None:
         self.status.add(self.line.tasks[number], **how)
-        self.line.ended(number, key)
+        self.line.ended(number, result)
         step(1)
 
     def _put_aside(self, number: int, job: Job, said: dict[str, Any], step: Advance) -> None:

@@ -1,4 +1,4 @@
-"""Tasks on Ray: placed by cores and memory, so many on their way and no more."""
+"""Who does the tasks: this process, one after the other, or Ray, placed by cores and memory."""
 
 import os
 import re
@@ -25,9 +25,34 @@ _GB = 1e9
 _ANSWER_S = 10.0
 
 
+class Here:
+    """Takes a job while it is ``free``, and does it when its outcome is asked for."""
+
+    def __init__(self, address: str, work: Work) -> None:
+        self._address, self._work = address, work
+        self._jobs: list[tuple[int, Job]] = []
+
+    @property
+    def free(self) -> bool:
+        """Whether to give it another job; so many are on their way and no more."""
+        return not self._jobs
+
+    def begin(self, number: int, job: Job) -> None:
+        """Take a job, with a number to know it by."""
+        self._jobs.append((number, job))
+
+    def next(self) -> tuple[int, Outcome]:
+        """Wait for one to end, in any order; its number, and how it ended."""
+        number, job = self._jobs.pop()
+        return number, self._work(job, self._address)
+
+    def close(self) -> None:
+        """End whatever is under way."""
+
+
 class OnRay:
-    """Each job is a task of Ray's that is tried once: what a lost worker or machine costs is
-    decided by who gave it.
+    """As :class:`Here`, on a cluster. Each job is tried once: what a lost worker or machine costs
+    is decided by who gave it.
 
     Raises :class:`UnavailableError` without Ray, without a cluster at the address, where no machine
     has the cores and the memory, and when the cluster is gone.
@@ -71,7 +96,7 @@ class OnRay:
 
     @property
     def free(self) -> bool:
-        """See :class:`.Executor`."""
+        """See :class:`Here`."""
         if time.monotonic() - self._counted_s >= _COUNT_EVERY_S:
             self._counted_s = time.monotonic()
             machines = [one["Resources"] for one in self._ray.nodes() if one["Alive"]]
@@ -84,11 +109,11 @@ class OnRay:
         return int(min(cores, machine.get("memory", 0.0) / (self._workers.memory_gb * _GB)))
 
     def begin(self, number: int, job: Job) -> None:
-        """See :class:`.Executor`."""
+        """See :class:`Here`."""
         self._numbers[self._task.remote(job, self._address)] = number
 
     def next(self) -> tuple[int, Outcome]:
-        """See :class:`.Executor`; raises :class:`UnavailableError` when the cluster is gone."""
+        """See :class:`Here`; raises :class:`UnavailableError` when the cluster is gone."""
         from ray import exceptions as lost
 
         try:
@@ -109,7 +134,7 @@ class OnRay:
             raise UnavailableError(f"Ray: {' '.join(str(error).split())}") from error
 
     def close(self) -> None:
-        """See :class:`.Executor`."""
+        """See :class:`Here`."""
         self._opened.close()
 
 
@@ -122,3 +147,6 @@ def _check_answers(cluster: str) -> None:
         socket.create_connection((named[1], int(named[2])), timeout=_ANSWER_S).close()
     except (OSError, OverflowError, UnicodeError) as error:
         raise UnavailableError(f"{cluster}: no Ray cluster answers: {error}") from error
+
+
+Executor = Here | OnRay
