@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from unittest.mock import patch
 
@@ -23,6 +24,9 @@ def head(cores: int):
     from ray.cluster_utils import Cluster
 
     args = NODE | {"num_cpus": cores, "include_dashboard": False}
+    for _ in range(2):
+        with suppress(Exception):  # Ray gives a machine 30 s to begin, and it may be busy
+            return Cluster(True, head_node_args=args)
     return Cluster(True, head_node_args=args)
 
 

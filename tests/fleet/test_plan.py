@@ -98,7 +98,7 @@ REFUSED = {
     "cameras: {g: c/*.txt}\ntrack: {}\nsearch: {words: [zxcv]}": "field 'search.words': ",
     "cameras: {g: c/*.txt}\ntrack: {}\nevery_s: 10m": "'every_s' must be a number, at least 1",
     "cameras: {g: c/*.txt}\ntrack: {}\nevery_s: .nan": "'every_s' must be a number",
-    "cameras: {g: c/*.txt}\ntrack: {}\nworkers: {cores: 0}": "cores' must be a number, greater",
+    "cameras: {g: c/*.txt}\ntrack: {}\nworkers: {cores: 0}": "field 'workers': cores: found 0",
 }
 
 

@@ -198,8 +198,11 @@ def test_a_plan_is_done_again_with_the_clips_that_came_and_not_those_that_are_re
             raise KeyboardInterrupt
 
     asked = plan(folder, "every_s: 600")
+    asked.write_text(asked.read_text().replace("cameras:", "cameras:\n  dark: dark/*.mp4"))
+    asked.write_text(asked.read_text().replace("track:", "calibrate: {}\ntrack:"))
     found = run_fleet(asked, folder / "store", wait=wait).to_dict()
     assert (found["rounds"], len(counted), counted[4]) == (3, 5, new.name)
+    assert found["cameras"]["dark"]["state"] == "waiting"  # it has no clips yet
     assert len(waits) == 3 and all(500 < one <= 600 for one in waits)
 
     # A clip that is removed while a round is under way is left out; a plan that is broken ends it.

@@ -21,7 +21,7 @@ import glob
 import types
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin, get_type_hints
@@ -43,7 +43,7 @@ _STAGES = ("calibrate", "track", "align", "search")
 _CAMERA = "camera.json"
 _OWN = frozenset({"annotations", "name", "start", "footage", "top", "landmarks"})
 """Options that differ from clip to clip, or that a plan says elsewhere."""
-_MOST_CORES, _MOST_GB, _MOST_S = 1024.0, 4096.0, 366 * 86_400.0
+_MOST_S = 366 * 86_400.0
 _STILL_S = 60.0
 """A clip that has not changed for so long is whole. Recorders write every few seconds; a share over
 NFS tells the time of change up to a minute late (``acregmax``).
@@ -87,6 +87,14 @@ class Workers:
     cores: float = 1.0
     memory_gb: float = 2.0
     attempts: int = 3
+
+    def __post_init__(self) -> None:
+        """Check the ranges; raises :class:`InputError`."""
+        ranges = {"cores": (0.01, 1024), "memory_gb": (0.01, 4096), "attempts": (1, 1000)}
+        for name, (least, most) in ranges.items():
+            if not least <= getattr(self, name) <= most:
+                found = getattr(self, name)
+                raise InputError(f"{name}: found {found:g}, expected {least} to {most}")
 
 
 @dataclass(frozen=True)
@@ -140,18 +148,19 @@ def read_plan(path: str | Path) -> Plan:
         raise prefixed(error, path) from error
     said.only(("cameras", *_STAGES, "workers", "every_s"))
     every_s = said.number("every_s", least=1.0, most=_MOST_S) if "every_s" in said else None
+    again = every_s is not None
     cameras = said.object("cameras")
     if not cameras.names():
         raise said.error("cameras", "one camera or more")
     words, search = _search(said, base)
     plan = Plan(
-        tuple(_footage(cameras, name, base) for name in cameras.names()),
+        tuple(_footage(cameras, name, base, again=again) for name in cameras.names()),
         _stage(said, "calibrate", CalibrateOptions, base),
         _stage(said, "track", TrackOptions, base),
         _stage(said, "align", AlignOptions, base),
         search,
         words,
-        _workers(said),
+        _stage(said, "workers", Workers, base) or Workers(),
         every_s,
     )
     _check(plan, said)
@@ -175,10 +184,10 @@ def _of_folder(folder: Path) -> Plan:
     return Plan(tuple(found), calibrate=CalibrateOptions(), track=TrackOptions())
 
 
-def _footage(cameras: JsonObject, name: str, base: Path) -> Footage:
+def _footage(cameras: JsonObject, name: str, base: Path, *, again: bool) -> Footage:
     said = cameras.object(name) if not isinstance(cameras.value(name), str | list) else None
     if said is None:
-        return Footage(name, _clips(cameras, name, base))
+        return Footage(name, _clips(cameras, name, base, again=again))
     said.only(("footage", "boxes", "camera", "start"))
     if ("footage" in said) is ("boxes" in said):
         raise said.error("footage", "given, or boxes in its place, and not both")
@@ -187,14 +196,16 @@ def _footage(cameras: JsonObject, name: str, base: Path) -> Footage:
     if isinstance(camera, str):
         raise said.error("camera", "a camera file that is there")
     start = said.text("start") if "start" in said else None
-    found = Footage(name, _clips(said, kind, base), kind == "boxes", camera, start)
+    found = Footage(name, _clips(said, kind, base, again=again), kind == "boxes", camera, start)
     for clip in found.clips:
         found.begins(clip)
     return found
 
 
-def _clips(said: JsonObject, name: str, base: Path) -> tuple[Path, ...]:
-    """The files that a text, or a list of texts, names; each once, in order of their names."""
+def _clips(said: JsonObject, name: str, base: Path, *, again: bool) -> tuple[Path, ...]:
+    """The files that a text, or a list of texts, names; each once, in order of their names. A glob
+    finds some, or may find them ``again`` later.
+    """
     texts = (said.text(name),) if isinstance(said.value(name), str) else said.texts(name)
     found: set[Path] = set()
     for text in texts:
@@ -204,22 +215,24 @@ def _clips(said: JsonObject, name: str, base: Path) -> tuple[Path, ...]:
         except (OSError, ValueError):
             names = []
         files = [Path(one) for one in names if Path(one).is_file()]
-        if not files:
+        if not files and not (again and glob.has_magic(text)):
             raise said.error(name, f"files that are there; nothing is at {quoted(text)}")
         found.update(files)
-    if not found:
+    if not texts:
         raise said.error(name, "a file, a glob, or a list of them")
     return tuple(sorted(found))
 
 
-def _stage(said: JsonObject, name: str, kind: type[T], base: Path) -> T | None:
-    """The options of a stage, by the fields of their class; None where it is not wanted."""
+def _stage(said: JsonObject, name: str, kind: type[T], base: Path, *more: str) -> T | None:
+    """The options of a stage, by the fields of their class; None where it is not wanted. What is
+    ``more`` there is for others.
+    """
     if said.value(name) is None:
         return None
     inside = said.object(name)
     hints = {key: hint for key, hint in get_type_hints(kind).items() if key not in _OWN}
-    inside.only(hints)
-    values = {key: _value(inside, key, hints[key], base) for key in inside.names()}
+    inside.only((*more, *hints))
+    values = {key: _value(inside, key, hints[key], base) for key in inside.names() if key in hints}
     try:
         return kind(**values)
     except InputError as error:
@@ -258,16 +271,12 @@ def _search(said: JsonObject, base: Path) -> tuple[tuple[str, ...], "SearchOptio
     from scene4d.searching.activities.catalogue import load_catalogue
     from scene4d.searching.language import parse_query
 
-    if said.value("search") is None:
+    options = _stage(said, "search", SearchOptions, base, "words")
+    if options is None:
         return (), None
-    inside = said.object("search")
-    inside.only(("words", "min_score", "min_probability", "catalogues", "zones"))
-    words = inside.texts("words")
+    words = said.object("search").texts("words")
     if not words:
-        raise inside.error("words", "one text or more, as 'person enters vehicle'")
-    rest = {name: inside.value(name) for name in inside.names() if name != "words"}
-    options = _stage(JsonObject({"search": rest}, said.where), "search", SearchOptions, base)
-    assert options is not None
+        raise said.object("search").error("words", "one text or more, as 'person enters vehicle'")
     catalogue = load_catalogue(*options.catalogues)
     if options.zones is None:  # with zones, which of them there are is known where they are read
         for one in words:
@@ -276,20 +285,6 @@ def _search(said: JsonObject, base: Path) -> tuple[tuple[str, ...], "SearchOptio
             except InputError as error:
                 raise InputError(f"{said.where}: field 'search.words': {error}") from error
     return words, options
-
-
-def _workers(said: JsonObject) -> Workers:
-    if said.value("workers") is None:
-        return Workers()
-    inside = said.object("workers")
-    inside.only(one.name for one in fields(Workers))
-    most = {"cores": _MOST_CORES, "memory_gb": _MOST_GB}
-    given: dict[str, Any] = {
-        name: inside.number(name, above=0.0, most=most[name]) for name in most if name in inside
-    }
-    if "attempts" in inside:
-        given["attempts"] = inside.integer("attempts", least=1)
-    return Workers(**given)
 
 
 def _check(plan: Plan, said: JsonObject) -> None:

@@ -30,7 +30,9 @@ class Status:
 
     def __init__(self, plan: Plan, tasks: Sequence[Task]) -> None:
         self._cameras: dict[str, Counter] = {
-            one.name: Counter(recording=one.recording) for one in plan.cameras if one.recording
+            one.name: Counter(recording=one.recording)
+            for one in plan.cameras
+            if one.recording or not one.clips
         }
         for task in tasks:
             self.add(task, tasks=1)

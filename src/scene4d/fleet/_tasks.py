@@ -75,7 +75,7 @@ def tasks_of(plan: Plan) -> list[Task]:
         return len(tasks) - 1
 
     cameras = [one for one in plan.cameras if one.clips]
-    solved: dict[str, tuple[int]] = {}
+    solved: dict[str, tuple[int, ...]] = {}
     for one in cameras:
         if plan.calibrate is not None and one.camera is None:
             solved[one.name] = (add(_of_clip("calibrate", plan.calibrate, one, one.clips[0])),)
