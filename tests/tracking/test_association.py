@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
-from scene4d.tracking._association import AssociationSettings, GroundTracker, _assigned
+from scene4d.tracking._association import MEMORY_S, GroundTracker, _assigned
 
 SIZE = (1000, 600)
 SIGMA = 0.12
@@ -32,9 +32,9 @@ def frame_of(xy, kinds="person", size=None, known=None, colour=None):
     return found, located, colour
 
 
-def follow(moments, settings=None):
+def follow(moments):
     """Numbers of every moment ``(time, (detections, located, colour))``."""
-    tracker = GroundTracker(settings)
+    tracker = GroundTracker()
     return [tracker.update(t, *frame) for t, frame in moments]
 
 
@@ -216,7 +216,7 @@ def test_state_is_bounded_by_what_is_in_view():
     for k in range(600):
         tracker.update(0.1 * k, *frame_of(rng.uniform([5, 5], [45, 25], (3, 2))))
         most = max(most, len(tracker))
-    assert most < 3 * 10 * AssociationSettings().memory_s + 3
+    assert most < 3 * 10 * MEMORY_S + 3
     tracker.update(100.0, *frame_of([[20, 15]]))
     assert len(tracker) == 1
 

@@ -123,30 +123,6 @@ def matches(meetings: Meetings, matching: Matching) -> list[Match]:
     return found[:_MOST_MATCHES]
 
 
-class _Pieces:
-    """The pieces of a view, for positions between its rows."""
-
-    def __init__(self, view: View) -> None:
-        self.view = view
-        self.piece = view.pieces
-        self.first = np.flatnonzero(np.diff(self.piece, prepend=-1))
-        self.last = np.append(self.first[1:], len(self.piece)) - 1
-
-    def moments(self, found: list[Match], point: np.ndarray, epoch: float) -> "_Moments":
-        """The moments of the matches at which camera b saw the person too."""
-        match = np.repeat(np.arange(len(found)), [len(one.time_s) for one in found])
-        row_a = np.concatenate([one.row_a for one in found])
-        xy_a = np.concatenate([one.xy_a for one in found])
-        time_s = np.concatenate([one.time_s for one in found])
-        of = np.array([one.piece_b for one in found])[match]
-        when = time_s - point[3] - point[4] * (time_s - epoch)
-        begin, end = self.view.time_s[self.first[of]], self.view.time_s[self.last[of]]
-        kept = (when >= begin) & (when <= end)
-        of, when = of[kept], when[kept]
-        row_b, xy_b = interpolated(self.view, self.piece, self.first, self.last, of, when)
-        return _Moments(match[kept], time_s[kept], row_a[kept], row_b, xy_a[kept], xy_b)
-
-
 @dataclass(frozen=True, eq=False)
 class _Moments:
     """Times on a's clock at which two tracks show one person, nearest rows, and positions."""
@@ -157,6 +133,20 @@ class _Moments:
     row_b: np.ndarray
     xy_a: np.ndarray
     xy_b: np.ndarray
+
+    @classmethod
+    def of(cls, b: View, found: list[Match], point: np.ndarray, epoch: float) -> "_Moments":
+        """Those of the matches at which camera b saw the person too."""
+        match = np.repeat(np.arange(len(found)), [len(one.time_s) for one in found])
+        row_a = np.concatenate([one.row_a for one in found])
+        xy_a = np.concatenate([one.xy_a for one in found])
+        time_s = np.concatenate([one.time_s for one in found])
+        of = np.array([one.piece_b for one in found])[match]
+        when = time_s - point[3] - point[4] * (time_s - epoch)
+        first, last = b.ends
+        kept = (when >= b.time_s[first[of]]) & (when <= b.time_s[last[of]])
+        row_b, xy_b = interpolated(b, of[kept], when[kept])
+        return cls(match[kept], time_s[kept], row_a[kept], row_b, xy_a[kept], xy_b)
 
 
 def factor_of(a: View, b: View, found: list[Match], fit: Fit) -> Factor:
@@ -169,26 +159,18 @@ def factor_of(a: View, b: View, found: list[Match], fit: Fit) -> Factor:
     x, y, heading, _, offset = fit.parameters
     point = np.concatenate([[x, y, heading, offset, 0.0], np.zeros(2 * MODES)])
     epoch = float(np.mean([match.time_s.mean() for match in found]))
-    pieces = _Pieces(b)
-    point = _settled(a, pieces, found, point, epoch, _WANDER_M)
-    wander_m = _wander(a, pieces, found, point, epoch)
-    point = _settled(a, pieces, found, point, epoch, wander_m)
-    return _factor(a, pieces, found, point, epoch, wander_m)
-
-
-def relinearised(
-    a: View, b: View, found: list[Match], factor: Factor, point: Float[np.ndarray, "p"]
-) -> Factor:
-    """The factor of the same matches at another point."""
-    return _factor(a, _Pieces(b), found, point, factor.epoch_s, factor.wander_m)
+    point = _settled(a, b, found, point, epoch, _WANDER_M)
+    wander_m = _wander(a, b, found, point, epoch)
+    point = _settled(a, b, found, point, epoch, wander_m)
+    return linearised(a, b, found, point, epoch, wander_m)
 
 
 def _settled(
-    a: View, pieces: _Pieces, found: list[Match], point: np.ndarray, epoch: float, wander_m: float
+    a: View, b: View, found: list[Match], point: np.ndarray, epoch: float, wander_m: float
 ) -> np.ndarray:
     """The most probable point, from one nearby."""
     for _ in range(_STEPS):
-        moved = _factor(a, pieces, found, point, epoch, wander_m).alone()[0] - point
+        moved = linearised(a, b, found, point, epoch, wander_m).alone()[0] - point
         moved[3] = np.clip(moved[3], -0.5, 0.5)
         point = point + moved
         if np.abs(moved[:POSE]).max() < _SETTLED:
@@ -196,10 +178,10 @@ def _settled(
     return point
 
 
-def _wander(a: View, pieces: _Pieces, found: list[Match], point: np.ndarray, epoch: float) -> float:
+def _wander(a: View, b: View, found: list[Match], point: np.ndarray, epoch: float) -> float:
     """The most probable size of what tracks err by for seconds."""
-    moments = pieces.moments(found, point, epoch)
-    step, _, own = _differences(a, pieces.view, moments, point, epoch)
+    moments = _Moments.of(b, found, point, epoch)
+    step, _, own = _differences(a, b, moments, point, epoch)
     tried = np.array(_WANDERS_M)
     score = -0.5 * (np.log(tried / _WANDER_M) / _WANDER_SPREAD) ** 2
     for rows in _by_match(moments):
@@ -214,21 +196,21 @@ def _wander(a: View, pieces: _Pieces, found: list[Match], point: np.ndarray, epo
     return float(tried[np.argmax(score)])
 
 
-def _by_match(moments: "_Moments") -> list[np.ndarray]:
+def _by_match(moments: _Moments) -> list[np.ndarray]:
     """Rows of every match that has any."""
     cuts = np.flatnonzero(np.diff(moments.match)) + 1
     return [rows for rows in np.split(np.arange(len(moments.match)), cuts) if len(rows)]
 
 
-def _factor(
-    a: View, pieces: _Pieces, found: list[Match], point: np.ndarray, epoch: float, wander_m: float
+def linearised(
+    a: View, b: View, found: list[Match], point: np.ndarray, epoch: float, wander_m: float
 ) -> Factor:
-    """The factor linearised at a point."""
+    """The factor of matches, linearised at a point."""
     size = len(point)
     information, vector = np.zeros((size, size)), np.zeros(size)
     forces = []
-    moments = pieces.moments(found, point, epoch)
-    step, slopes, own = _differences(a, pieces.view, moments, point, epoch)
+    moments = _Moments.of(b, found, point, epoch)
+    step, slopes, own = _differences(a, b, moments, point, epoch)
     for rows in _by_match(moments):
         root = _root(_spreads(own[:, rows], moments.time_s[rows]), wander_m)
         both = np.column_stack([step[rows].ravel(), slopes[rows].reshape(2 * len(rows), size)])
@@ -260,7 +242,7 @@ def _scatter(factor: Factor, forces: Float[np.ndarray, "m p"]) -> float:
 
 
 def _differences(
-    a: View, b: View, moments: "_Moments", point: np.ndarray, epoch: float
+    a: View, b: View, moments: _Moments, point: np.ndarray, epoch: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Differences (n, 2) of the two cameras' positions, their derivatives by the unknowns, and
     roots (2, n, 2, 2) of the covariances of the two.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.alignment._factor import POSE, Factor, drift_information, relinearised
+from scene4d.alignment._factor import POSE, Factor, drift_information, linearised
 from scene4d.alignment._loops import chained, consistent, groups_of
 from scene4d.alignment._pairs import Link
 from scene4d.alignment._paths import MODES, View, covariance_root
@@ -85,11 +85,12 @@ def _relinearised(
     views: Sequence[View], one: Link, point: np.ndarray, slots: dict[int, slice]
 ) -> Link:
     """A pair's factor at the site's estimate: other cameras may have moved it some way."""
-    if one.factor is None or not one.found:
-        return one
-    values, _ = _relative(one.factor, point[slots[one.a]], point[slots[one.b]])
-    a, b = views[one.a], views[one.b]
-    return replace(one, factor=relinearised(a, b, list(one.found), one.factor, values))
+    before = one.factor
+    assert before is not None
+    values, _ = _relative(before, point[slots[one.a]], point[slots[one.b]])
+    a, b, found = views[one.a], views[one.b], list(one.found)
+    again = linearised(a, b, found, values, before.epoch_s, before.wander_m)
+    return replace(one, factor=again)
 
 
 def _why(

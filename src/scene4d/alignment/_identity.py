@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from scene4d.alignment._marginals import all_of, marginals, named
+from scene4d.alignment._paths import ranges
 from scene4d.alignment._sameness import TICK_S, Pairs, Passages, met
 from scene4d.alignment._transit import transits
 from scene4d.core.tracks import Tracks
@@ -118,10 +119,7 @@ def _sharing(one: Int[np.ndarray, "n"]) -> Int[np.ndarray, "k 2"]:
     """Pairs of places of one value, in both orders."""
     order = np.argsort(one, kind="stable")
     _, first, count = np.unique(one[order], return_index=True, return_counts=True)
-    many = np.repeat(count, count)
-    i = np.repeat(np.arange(len(order)), many)
-    step = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
-    j = np.repeat(np.repeat(first, count), many) + step
+    i, j = ranges(np.repeat(first, count), np.repeat(count, count))
     pairs: np.ndarray = np.column_stack([order[i], order[j]])[i != j]
     return pairs
 

@@ -63,6 +63,12 @@ class View:
         return np.cumsum(new) - 1
 
     @cached_property
+    def ends(self) -> tuple[Int[np.ndarray, "p"], Int[np.ndarray, "p"]]:
+        """First and last row of every piece."""
+        first = np.flatnonzero(np.diff(self.pieces, prepend=-1))
+        return first, np.append(first[1:], len(self))[: len(first)] - 1
+
+    @cached_property
     def paths(self) -> "Paths":
         """The tracks at the ticks of the camera's own clock."""
         return _paths(self)
@@ -89,6 +95,14 @@ class Paths(Columns):
         """The same in a mirror (x to -x), which no camera is: what fits it fits by accident."""
         flip = np.array([-1.0, 1.0])
         return replace(self, xy_m=self.xy_m * flip, velocity_mps=self.velocity_mps * flip)
+
+
+def ranges(
+    first: Int[np.ndarray, "k"], count: Int[np.ndarray, "k"]
+) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+    """The numbers of k ranges, one range after the other: of each its range, and itself."""
+    of = np.repeat(np.arange(len(count)), count)
+    return of, np.arange(len(of)) + np.repeat(first - np.cumsum(count) + count, count)
 
 
 def view_of(name: str, tracks: Tracks, calibration: Calibration) -> View:
@@ -181,15 +195,11 @@ def _slopes(track: np.ndarray, time_s: np.ndarray, xy: np.ndarray) -> np.ndarray
 
 def _paths(view: View) -> Paths:
     """Rows between ticks by Hermite interpolation, so that smoothed turns are kept."""
-    piece = view.pieces
-    first = np.flatnonzero(np.diff(piece, prepend=-1))
-    last = np.append(first[1:], len(piece))[: len(first)] - 1
+    first, last = view.ends
     begin = np.ceil(view.time_s[first] / STEP_S - 1e-6).astype(int)
     count = np.floor(view.time_s[last] / STEP_S + 1e-6).astype(int) - begin + 1
-    count = np.maximum(count, 0)
-    of = np.repeat(np.arange(len(first)), count)
-    tick = begin[of] + np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
-    left, xy = interpolated(view, piece, first, last, of, tick * STEP_S)
+    of, tick = ranges(begin, np.maximum(count, 0))
+    left, xy = interpolated(view, of, tick * STEP_S)
     modes = view.modes_m[left]
     return Paths(
         piece=of,
@@ -205,20 +215,16 @@ def _paths(view: View) -> Paths:
 
 
 def interpolated(
-    view: View,
-    piece: Int[np.ndarray, "n"],
-    first: Int[np.ndarray, "p"],
-    last: Int[np.ndarray, "p"],
-    of: Int[np.ndarray, "m"],
-    time_s: Float[np.ndarray, "m"],
+    view: View, of: Int[np.ndarray, "m"], time_s: Float[np.ndarray, "m"]
 ) -> tuple[Int[np.ndarray, "m"], Float[np.ndarray, "m 2"]]:
     """The nearest rows and the positions of pieces ``of`` at times within them."""
     if not len(of):
         return np.zeros(0, int), np.zeros((0, 2))
     span = float(np.ptp(view.time_s)) + 2 * _GAP_S
     start = float(view.time_s.min())
-    key = piece * span + (view.time_s - start)
+    key = view.pieces * span + (view.time_s - start)
     at = np.searchsorted(key, of * span + (time_s - start), side="right") - 1
+    first, last = view.ends
     left = np.clip(at, first[of], last[of])
     right = np.minimum(left + 1, last[of])
     gap = view.time_s[right] - view.time_s[left]

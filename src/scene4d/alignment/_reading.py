@@ -130,12 +130,14 @@ def _taken(runs: Sequence[Run]) -> tuple[list[Run], list[str]]:
 
 
 def _overlap(one: Run, other: Run) -> bool:
-    spans = [
-        (run.moment_ns(run.span_s[0]), run.moment_ns(run.span_s[1]))
-        for run in (one, other)
-        if run.span_s
-    ]
+    spans = _spans_ns((one, other))
     return len(spans) == 2 and max(b for b, _ in spans) < min(e for _, e in spans)
+
+
+def _spans_ns(runs: Sequence[Run]) -> list[tuple[int, int]]:
+    """First and last moment of those in which anybody was tracked."""
+    spans = [(run, run.span_s) for run in runs]
+    return [(run.moment_ns(span[0]), run.moment_ns(span[1])) for run, span in spans if span]
 
 
 def _check_copies(found: Sequence[Watched]) -> None:
@@ -212,11 +214,7 @@ def gap_between_s(one: Watched, other: Watched, start_ns: int | None) -> float |
 
 
 def _when(one: Watched) -> str:
-    spans = [
-        (run.moment_ns(run.span_s[0]), run.moment_ns(run.span_s[1]))
-        for run in one.runs
-        if run.span_s
-    ]
+    spans = _spans_ns(one.runs)
     begin, end = min(b for b, _ in spans), max(e for _, e in spans)
     first, last = (
         str(np.datetime64(ns, "ns").astype("datetime64[m]")).replace("T", " ")

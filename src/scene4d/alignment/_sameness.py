@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from scene4d.alignment._paths import ranges
 from scene4d.core.colours import CLOTHES, PALETTE, PARTS, VEHICLES
 from scene4d.core.tracks import Tracks
 
@@ -151,10 +152,8 @@ def _meetings(a: Passages, b: Passages) -> tuple[Int[np.ndarray, "n"], Int[np.nd
     there = there[np.argsort(b.tick[there], kind="stable")]
     first = np.searchsorted(b.tick[there], a.tick[here])
     last = np.searchsorted(b.tick[there], a.tick[here], side="right")
-    count = last - first
-    i = np.repeat(here, count)
-    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    j = there[np.repeat(first, count) + step]
+    of, at = ranges(first, last - first)
+    i, j = here[of], there[at]
     alike = a.kind[a.of[i]] == b.kind[b.of[j]]
     return i[alike], j[alike]
 

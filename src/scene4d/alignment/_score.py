@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from scene4d.alignment._paths import STEP_S, Paths
+from scene4d.alignment._paths import STEP_S, Paths, ranges
 
 _NOISE_M = 0.25
 """What two measurements of one person differ by beside the rows' own noise (m): feet from two
@@ -168,8 +168,8 @@ class Meetings:
             looked = _minute(tick_a[all_a]) % every == 0
             all_a, first, count = all_a[looked], first[looked], count[looked]
             all_b = all_b[_minute(tick_b[all_b]) % every == 0]
-        i = np.repeat(all_a, count)
-        j = np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + np.repeat(first, count)
+        of, j = ranges(first, count)
+        i = all_a[of]
         same = self.a.paths.kind[i] == self.b.paths.kind[j]
         i, j = i[same], j[same]
         who = self.a.paths.track[i].astype(np.int64) * (1 << 31) + self.b.paths.track[j]
@@ -282,14 +282,9 @@ def fitted(meetings: Meetings, fit: Fit, wide: tuple[float, ...] = _WIDE) -> Fit
 
     Returns the better of where it began and where it ended, with its score.
     """
-    here = fit
-    for widen in wide:
-        matching = meetings.matching(here, widen)
-        if len(matching.row_a) < 4:
-            break
-        here = Fit(here.parameters + _step(meetings, here, matching))
-    before, after = meetings.matching(fit).score, meetings.matching(here).score
-    return Fit(here.parameters, after) if after > before else Fit(fit.parameters, before)
+    after = _walked(meetings, fit, wide)
+    before = Fit(fit.parameters, meetings.matching(fit).score)
+    return after if after.score > before.score else before
 
 
 def later(meetings: Meetings, fit: Fit, seconds: float) -> Fit:
@@ -299,18 +294,20 @@ def later(meetings: Meetings, fit: Fit, seconds: float) -> Fit:
     matching = meetings.matching(fit)
     way = meetings.b.paths.velocity_mps[matching.row_b].mean(axis=0) @ fit.linear.T
     start = fit.parameters + np.array([*(way * seconds), 0.0, 0.0, seconds])
-    here = Fit(start)
-    for widen in _WIDE:
-        matching = meetings.matching(here, widen)
+    return _walked(meetings, Fit(start), _WIDE, held=True)
+
+
+def _walked(meetings: Meetings, fit: Fit, wide: tuple[float, ...], held: bool = False) -> Fit:
+    """Where a step for each width of the noise leads, with its score."""
+    for widen in wide:
+        matching = meetings.matching(fit, widen)
         if len(matching.row_a) < 4:
             break
-        here = Fit(here.parameters + _step(meetings, here, matching, held=True))
-    return Fit(here.parameters, meetings.matching(here).score)
+        fit = Fit(fit.parameters + _step(meetings, fit, matching, held))
+    return Fit(fit.parameters, meetings.matching(fit).score)
 
 
-def _step(
-    meetings: Meetings, fit: Fit, matching: Matching, held: bool = False
-) -> Float[np.ndarray, "5"]:
+def _step(meetings: Meetings, fit: Fit, matching: Matching, held: bool) -> Float[np.ndarray, "5"]:
     """Gauss-Newton's step over the matches; the offset stays where it is ``held``."""
     a, b = meetings.a.paths.select(matching.row_a), meetings.b.paths.select(matching.row_b)
     offset = fit.parameters[4]

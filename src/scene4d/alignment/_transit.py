@@ -8,6 +8,7 @@ begin there at any time: their rate is learned from where and how often tracks o
 import numpy as np
 from jaxtyping import Float, Int
 
+from scene4d.alignment._paths import ranges
 from scene4d.alignment._sameness import TICK_S, Pairs, Passages, colour_log_ratio, size_log_ratio
 
 LONGEST_S = 120.0
@@ -64,10 +65,8 @@ def _later(
     begin = b.begin[order]
     first = np.searchsorted(begin, a.end[ends] + _SHORTEST_S / TICK_S)
     last = np.searchsorted(begin, a.end[ends] + LONGEST_S / TICK_S, side="right")
-    count = last - first
-    i = np.repeat(ends, count)
-    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    j = order[np.repeat(first, count) + step]
+    of, at = ranges(first, last - first)
+    i, j = ends[of], order[at]
     way = b.rows.xy_m[_first_rows(b)[j]] - a.rows.xy_m[_last_rows(a)[i]]
     gap_s = np.maximum(b.begin[j] - a.end[i], 0) * TICK_S
     near = np.hypot(*way.T) < _FASTEST_MPS[a.kind[i]] * gap_s + _SLACK_M

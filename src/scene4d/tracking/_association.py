@@ -28,7 +28,7 @@ from scene4d.tracking._motion_model import (
     repeated,
 )
 
-# Chosen by hand with the settings below.
+# Chosen by hand with the numbers below.
 _STAYS_S = 1.0
 """A slow object is assumed to keep moving for this long after it goes out of sight."""
 _MEAN_S = 2.0
@@ -49,55 +49,45 @@ _MISSED_S = 1.0
 _CUT = 0.3
 """Error of the logarithm of a box's height where somebody comes out: he is half hidden still."""
 
-
-@dataclass(frozen=True)
-class AssociationSettings:
-    """Assumptions of the association; costs are -2 log likelihood ratios.
-
-    All are round numbers chosen by hand; ``python -m benchmarks.tracking`` scores the result on
-    PETS S2L1. ``size_sigma`` was raised from 0.1 after a look at these scores: Faster R-CNN boxes
-    jitter by that much.
-    """
-
-    memory_s: float = 3.0
-    """A track ends when it is not seen for longer than this."""
-    standing_memory_s: float = 600.0
-    """The same for a standing vehicle, which passers-by can hide for minutes."""
-    standing_mps: float = 0.5
-    """An object slower than this when last seen, and unseen for over a second, is expected where
-    it stopped."""
-    settled_s: float = 2.0
-    """A track must have been seen for this long to count as standing."""
-    unrelated_per_m2: float = 1e-4
-    """Density of false or unrelated detections, per frame and m²."""
-    gate: float = 4.0
-    """Largest distance from the predicted position, in standard deviations."""
-    size_sigma: float = 0.2
-    """Jitter of the logarithm of a box's height about the track's mean."""
-    size_drift: float = 0.2
-    """Change of that logarithm per second."""
-    colour_sigma: float = 0.15
-    """Hellinger distance between colours of one object."""
-    opinion_limit: float = 9.0
-    """Largest cost that size, and likewise colour, can add: obstacles cut boxes."""
-    image_sigma: float = 0.1
-    """Without a ground point: jitter of the box's foot, in box heights."""
-    image_speed: float = 0.7
-    """Without a ground point: speed of the box's foot, in box heights per second."""
+# All are round numbers chosen by hand; ``python -m benchmarks.tracking`` scores the result on PETS
+# S2L1. The jitter of sizes was raised from 0.1 after a look at these scores: Faster R-CNN boxes
+# jitter by that much.
+MEMORY_S = 3.0
+"""A track ends when it is not seen for longer than this."""
+_STANDING_MEMORY_S = 600.0
+"""The same for a standing vehicle, which passers-by can hide for minutes."""
+_STANDING_MPS = 0.5
+"""An object slower than this when last seen, and unseen for over a second, is expected where
+it stopped."""
+_SETTLED_S = 2.0
+"""A track must have been seen for this long to count as standing."""
+_UNRELATED_PER_M2 = 1e-4
+"""Density of false or unrelated detections, per frame and m²."""
+_GATE = 4.0
+"""Largest distance from the predicted position, in standard deviations."""
+_SIZE_SIGMA = 0.2
+"""Jitter of the logarithm of a box's height about the track's mean."""
+_SIZE_DRIFT = 0.2
+"""Change of that logarithm per second."""
+_COLOUR_SIGMA = 0.15
+"""Hellinger distance between colours of one object."""
+_OPINION_LIMIT = 9.0
+"""Largest cost that size, and likewise colour, can add: obstacles cut boxes."""
+_IMAGE_SIGMA = 0.1
+"""Without a ground point: jitter of the box's foot, in box heights."""
+_IMAGE_SPEED = 0.7
+"""Without a ground point: speed of the box's foot, in box heights per second."""
 
 
 class GroundTracker:
     """Assigns track numbers, from 0, to the detections of successive frames; streaming.
 
-    Holds the tracks in view, the vehicles that stood there within ``standing_memory_s``, and, with
+    Holds the tracks in view, the vehicles that stood there in the last ten minutes, and, with
     a ``camera``, people who went behind something (:mod:`._hidden`). ``from_hiding`` (n,) says
     which detections of the last frame are of people who came out again.
     """
 
-    def __init__(
-        self, settings: AssociationSettings | None = None, camera: Camera | None = None
-    ) -> None:
-        self.settings = AssociationSettings() if settings is None else settings
+    def __init__(self, camera: Camera | None = None) -> None:
         self._hidden = None if camera is None else Hidden(camera)
         self._vehicles: list[tuple[float, np.ndarray]] = []  # recent frames: time, boxes
         self.from_hiding = np.empty(0, bool)
@@ -107,7 +97,7 @@ class GroundTracker:
 
     def __len__(self) -> int:
         """Number of tracks held."""
-        return len(self._tracks.label)
+        return len(self._tracks)
 
     def update(
         self,
@@ -136,14 +126,13 @@ class GroundTracker:
             if self._hidden is not None:
                 self._hidden.advance(time_s, self._before(detections, seen, time_s))
             return np.empty(0, np.int64)
-        s = self.settings
         tracks = self._tracks
         tracks = tracks.select(
-            (time_s - tracks.seen_s <= _patience(tracks, s))
-            & _in_picture(tracks, detections.image_size, time_s, s)
+            (time_s - tracks.seen_s <= _patience(tracks))
+            & _in_picture(tracks, detections.image_size, time_s)
             | self._is_behind(tracks)
         )
-        if not len(tracks.label):
+        if not len(tracks):
             tracks = started(seen, np.empty(0, np.int64), time_s)
         if tracks.colour.shape[1] != seen.colour.shape[1]:
             raise InputError(
@@ -152,9 +141,9 @@ class GroundTracker:
             )
         self._time_s = time_s
         label = np.full(len(seen.kind), -1)
-        state, covariance = _predicted(tracks, time_s, s)
+        state, covariance = _predicted(tracks, time_s)
         behind = self._predicted_behind(tracks, state, covariance, seen, time_s)
-        cost = _costs(tracks, state, covariance, seen, time_s, s, behind)
+        cost = _costs(tracks, state, covariance, seen, time_s, behind)
         rows, columns = _assigned(cost)
         label[columns] = tracks.label[rows]
         self.from_hiding[columns] = behind.rows[rows]
@@ -164,7 +153,8 @@ class GroundTracker:
         new = new[np.lexsort(seen.foot[new].T)]
         label[new] = self._next + np.arange(len(new))
         born = started(seen, new, time_s)
-        self._tracks = tracks.joined(replace(born, label=label[new]))
+        born = replace(born, label=label[new])
+        self._tracks = Held.joined([tracks, born]) if len(tracks) else born
         self._next += len(new)
         return label
 
@@ -226,28 +216,26 @@ class _Behind:
     height: np.ndarray  # (t, n)
 
 
-def _standing(t: Held, s: AssociationSettings) -> np.ndarray:
+def _standing(t: Held) -> np.ndarray:
     """Which tracks were slow when last seen; a vehicle also by its mean place, because the speed of
     a distant one is uncertain.
     """
-    slow = np.hypot(t.state[:, 2], t.state[:, 3]) < s.standing_mps
+    slow = np.hypot(t.state[:, 2], t.state[:, 3]) < _STANDING_MPS
     moved = np.hypot(*(t.state[:, :2] - t.mean_xy).T)
-    slow |= (GROUP[t.kind] != PERSON_GROUP) & (moved < s.standing_mps * _MEAN_S)
-    standing: np.ndarray = t.known & slow & (t.seen_s - t.born_s >= s.settled_s)
+    slow |= (GROUP[t.kind] != PERSON_GROUP) & (moved < _STANDING_MPS * _MEAN_S)
+    standing: np.ndarray = t.known & slow & (t.seen_s - t.born_s >= _SETTLED_S)
     return standing
 
 
-def _patience(t: Held, s: AssociationSettings) -> np.ndarray:
-    parked = _standing(t, s) & (GROUP[t.kind] != PERSON_GROUP)
-    return np.where(parked, s.standing_memory_s, s.memory_s)
+def _patience(t: Held) -> np.ndarray:
+    parked = _standing(t) & (GROUP[t.kind] != PERSON_GROUP)
+    return np.where(parked, _STANDING_MEMORY_S, MEMORY_S)
 
 
-def _in_picture(
-    t: Held, image_size: tuple[int, int], time_s: float, s: AssociationSettings
-) -> np.ndarray:
+def _in_picture(t: Held, image_size: tuple[int, int], time_s: float) -> np.ndarray:
     """Whether the predicted middle of the box is still inside the image."""
     dt = time_s - t.seen_s
-    still = _standing(t, s) & (np.hypot(t.drift[:, 0], t.drift[:, 1]) < _STILL_DRIFT * t.height)
+    still = _standing(t) & (np.hypot(t.drift[:, 0], t.drift[:, 1]) < _STILL_DRIFT * t.height)
     dt = np.where(still, np.minimum(dt, _STAYS_S), dt)[:, None]
     middle = t.foot - np.column_stack([np.zeros(len(t.height)), t.height / 2])
     middle = middle + t.drift * dt
@@ -256,10 +244,10 @@ def _in_picture(
     return kept
 
 
-def _predicted(t: Held, time_s: float, s: AssociationSettings) -> tuple[np.ndarray, np.ndarray]:
+def _predicted(t: Held, time_s: float) -> tuple[np.ndarray, np.ndarray]:
     """States and covariances predicted for ``time_s``."""
     dt = time_s - t.located_s
-    waits = _standing(t, s) & (dt > _STAYS_S)
+    waits = _standing(t) & (dt > _STAYS_S)
     dt = np.where(waits, _STAYS_S, dt)
     step = np.tile(np.eye(4), (len(dt), 1, 1))
     step[:, 0, 2] = step[:, 1, 3] = dt
@@ -279,24 +267,23 @@ def _costs(
     covariance: np.ndarray,
     seen: Seen,
     time_s: float,
-    s: AssociationSettings,
     behind: _Behind,
 ) -> Float[np.ndarray, "t n"]:
     """-2 log likelihood ratios; infinite where a match is impossible."""
     hidden = behind.rows[:, None]
     dt = (time_s - t.seen_s)[:, None]
-    ground, image = _on_ground(state, covariance, seen), _in_image(t, seen, dt, s)
+    ground, image = _on_ground(state, covariance, seen), _in_image(t, seen, dt)
     both = t.known[:, None] & seen.known
     away, log_det = (np.where(both, g, i) for g, i in zip(ground, image, strict=True))
     ratio = np.log(seen.height / np.where(hidden, behind.height, t.height[:, None]))
-    size = ratio**2 / (s.size_sigma**2 + np.where(hidden, _CUT, s.size_drift * dt) ** 2)
-    colour = _hellinger2(t.colour[:, None], seen.colour) / s.colour_sigma**2
-    cost = away + log_det + 2 * np.log(2 * np.pi * s.unrelated_per_m2)
-    cost += np.minimum(size, s.opinion_limit) + np.minimum(colour, s.opinion_limit)
-    lost = 2 * _MEAN_HIDDEN * dt / _patience(t, s)[:, None]
+    size = ratio**2 / (_SIZE_SIGMA**2 + np.where(hidden, _CUT, _SIZE_DRIFT * dt) ** 2)
+    colour = _hellinger2(t.colour[:, None], seen.colour) / _COLOUR_SIGMA**2
+    cost = away + log_det + 2 * np.log(2 * np.pi * _UNRELATED_PER_M2)
+    cost += np.minimum(size, _OPINION_LIMIT) + np.minimum(colour, _OPINION_LIMIT)
+    lost = 2 * _MEAN_HIDDEN * dt / _patience(t)[:, None]
     cost += np.where(hidden, -2 * np.log(behind.probability)[:, None], lost)
     other = GROUP[t.kind][:, None] != GROUP[seen.kind]
-    cost[other | (away > s.gate**2) | (hidden & ~seen.known)] = np.inf
+    cost[other | (away > _GATE**2) | (hidden & ~seen.known)] = np.inf
     return cost
 
 
@@ -312,13 +299,11 @@ def _on_ground(
     return (d * x * x - 2 * b * x * y + a * y * y) / det, np.log(det)
 
 
-def _in_image(
-    t: Held, seen: Seen, dt: np.ndarray, s: AssociationSettings
-) -> tuple[np.ndarray, np.ndarray]:
+def _in_image(t: Held, seen: Seen, dt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same from the foot of the box; a box height counts as a person's height in metres."""
     expected = t.foot[:, None] + t.drift[:, None] * dt[..., None]
     away = (seen.foot - expected) / t.height[:, None, None]
-    variance = s.image_sigma**2 + (s.image_speed * dt) ** 2
+    variance = _IMAGE_SIGMA**2 + (_IMAGE_SPEED * dt) ** 2
     squared = (away**2).sum(axis=2) / variance
     log_det = np.broadcast_to(2 * np.log(variance * PERSON_HEIGHT_M**2), squared.shape)
     return squared, log_det

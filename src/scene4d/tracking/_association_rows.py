@@ -1,9 +1,10 @@
 """The detections of a frame and the tracks held, as arrays that the association works on."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from scene4d.core.columns import Columns
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.tracks import Located
@@ -24,7 +25,7 @@ class Seen:
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class Held(Columns):
     label: np.ndarray  # (t,)
     kind: np.ndarray  # (t,) class number when last seen
     born_s: np.ndarray
@@ -38,15 +39,6 @@ class Held:
     drift: np.ndarray  # (t, 2) px per second
     height: np.ndarray
     colour: np.ndarray
-
-    def select(self, rows: np.ndarray) -> "Held":
-        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
-    def joined(self, other: "Held") -> "Held":
-        names = [f.name for f in fields(self)]
-        if not len(self.label):
-            return other
-        return Held(**{n: np.concatenate([getattr(self, n), getattr(other, n)]) for n in names})
 
 
 def seen_rows(d: Detections, located: Located, appearance: np.ndarray | None) -> Seen:

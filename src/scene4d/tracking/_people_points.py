@@ -5,7 +5,7 @@ Spreads of image points are standard deviations, as shares of the person's lengt
 positions. They include the errors of the hand-drawn boxes used as truth, so they are upper bounds.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -19,6 +19,7 @@ from scene4d.core.body import (
     MIN_KEYPOINT_SCORE,
     RIGHT_FOOT,
 )
+from scene4d.core.columns import Columns
 from scene4d.core.people import Detections
 
 _FEET_SHARE = 0.025
@@ -41,7 +42,7 @@ HEAD, BOX_TOP = "head", "box top"
 
 
 @dataclass(frozen=True, eq=False)
-class Ends:
+class Ends(Columns):
     """One end of each person in the image, (n, 2) pixels of the footage.
 
     ``by`` names the evidence, ``""`` where there is none and ``uv`` is NaN. ``share`` is the
@@ -60,10 +61,6 @@ class Ends:
         """No end is seen."""
         nan = np.full((n, 2), np.nan)
         return cls(np.full(n, "", dtype="<U12"), nan, nan.copy(), np.zeros(n), np.zeros(n))
-
-    def select(self, rows: Bool[np.ndarray, "n"]) -> "Ends":
-        """The given rows."""
-        return Ends(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
     def fill(
         self,

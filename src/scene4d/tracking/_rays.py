@@ -63,11 +63,6 @@ class Rays:
         arrays = ("direction", "by_uv", "row_normal", "scale_px")
         return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
 
-    def split(self, parts: int) -> list["Rays"]:
-        """Equal parts, in order."""
-        n = len(self.direction) // parts
-        return [self.select(slice(i * n, (i + 1) * n)) for i in range(parts)]
-
     def meet(self, height_m: float | Float[np.ndarray, "n"]) -> Level:
         """Where the rays meet ``Z = height_m``, in front of the camera."""
         d, above = self.direction, np.asarray(height_m, float) - self.origin_m[2]

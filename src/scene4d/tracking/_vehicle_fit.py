@@ -307,9 +307,10 @@ class _Fit:
         log_weight[~(before & self._valid[:, None])] = -np.inf
         return Fits(
             pose=state[_HEADING:],
-            covariance=_trailing_covariance(lower),
+            # The last block of the factor is that of their information, the others marginalised.
+            covariance=_covariance(lower[_HEADING:, _HEADING:]),
             log_size=state[:3],
-            size_covariance=_leading_covariance(lower),
+            size_covariance=_covariance(lower),
             log_weight=log_weight,
             cost=cost,
             range_m=self._range(state),
@@ -341,25 +342,11 @@ def solve(lower: np.ndarray, right: np.ndarray) -> np.ndarray:
     return x
 
 
-def _trailing_covariance(lower: np.ndarray) -> np.ndarray:
-    """Covariance (3, 3, n, m) of the last three unknowns: their block of the factor is the factor
-    of their information with the other unknowns marginalised.
-    """
-    block = lower[_HEADING:, _HEADING:]
-    unit = np.zeros_like(block)
-    columns = []
-    for j in range(3):
-        unit = np.zeros_like(block[0])
-        unit[j] = 1.0
-        columns.append(solve(block, unit))
-    return np.stack(columns, axis=1)
-
-
-def _leading_covariance(lower: np.ndarray) -> np.ndarray:
+def _covariance(lower: np.ndarray) -> np.ndarray:
     """Covariance (3, 3, n, m) of the first three unknowns, the others marginalised."""
     columns = []
-    for j in range(_HEADING):
+    for j in range(3):
         unit = np.zeros_like(lower[0])
         unit[j] = 1.0
-        columns.append(solve(lower, unit)[:_HEADING])
+        columns.append(solve(lower, unit)[:3])
     return np.stack(columns, axis=1)

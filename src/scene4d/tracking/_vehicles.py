@@ -5,8 +5,6 @@ one to several metres in front of the vehicle's middle. Here a vehicle of typica
 the ground so that its image fills the box; see :mod:`scene4d.tracking._vehicle_fit`.
 """
 
-from dataclasses import replace
-
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -71,18 +69,31 @@ def locate_vehicles(
     positions not determined within half their distance. Raises :class:`InputError` if the
     camera's image size differs or a heading comes without its spread.
     """
-    boxes = _proper(detections.box_xyxy)
-    sigma = np.hypot(_box_noise(boxes, BIAS_SHARE), _box_noise(boxes, JITTER_SHARE))
-    headings = _headings(len(detections), heading_rad, heading_sigma_rad)
-    table = replace(detections, box_xyxy=boxes)
-    return _locate(table, camera, sigma, *headings, bottom_hidden)
-
-
-def _proper(box_xyxy: np.ndarray) -> np.ndarray:
-    """The boxes, NaN where invalid."""
-    proper = np.isfinite(box_xyxy).all(axis=1)
-    proper &= (box_xyxy[:, 2:] > box_xyxy[:, :2]).all(axis=1)
-    return np.where(proper[:, None], box_xyxy, np.nan)
+    if detections.image_size != camera.image_size:
+        raise InputError(
+            f"vehicles: the detections are for images of {detections.image_size} pixels, "
+            f"the camera for {camera.image_size}; give the camera of this footage"
+        )
+    box = detections.box_xyxy
+    proper = np.isfinite(box).all(axis=1)
+    proper &= (box[:, 2:] > box[:, :2]).all(axis=1)
+    box = np.where(proper[:, None], box, np.nan)
+    sigma_px = np.hypot(_box_noise(box, BIAS_SHARE), _box_noise(box, JITTER_SHARE))
+    heading, spread = _headings(len(detections), heading_rad, heading_sigma_rad)
+    seen = _seen(box, detections.image_size)
+    if bottom_hidden is not None:
+        seen[:, 3] &= ~bottom_hidden
+    found = Located.nowhere(len(detections))
+    for name, shape in SHAPES.items():
+        rows = np.flatnonzero(proper & (detections.class_name == name))
+        for start in range(0, len(rows), _CHUNK):
+            part = rows[start : start + _CHUNK]
+            mask = np.zeros(len(box), bool)
+            mask[part] = True
+            boxes = Boxes(box[part], sigma_px[part], seen[part])
+            fits = fit(camera, shape, boxes, _bells(heading[part], spread[part]))
+            found = found.put(mask, _moments(fits, shape, np.isfinite(heading[part])))
+    return found
 
 
 def _box_noise(box_xyxy: np.ndarray, share: float) -> np.ndarray:
@@ -111,41 +122,6 @@ def _headings(
             f"in row {row}"
         )
     return np.where(known, heading_rad, np.nan), np.where(known, sigma_rad, np.inf)
-
-
-def _locate(
-    detections: Detections,
-    camera: Camera,
-    sigma_px: np.ndarray,
-    heading_rad: np.ndarray,
-    heading_sigma_rad: np.ndarray,
-    bottom_hidden: np.ndarray | None = None,
-) -> Located:
-    if detections.image_size != camera.image_size:
-        raise InputError(
-            f"vehicles: the detections are for images of {detections.image_size} pixels, "
-            f"the camera for {camera.image_size}; give the camera of this footage"
-        )
-    found = Located.nowhere(len(detections))
-    box = detections.box_xyxy
-    proper = np.isfinite(box).all(axis=1)
-    seen = _seen(box, detections.image_size)
-    if bottom_hidden is not None:
-        seen[:, 3] &= ~bottom_hidden
-    for name, shape in SHAPES.items():
-        rows = np.flatnonzero(proper & (detections.class_name == name))
-        for start in range(0, len(rows), _CHUNK):
-            part = rows[start : start + _CHUNK]
-            mask = np.zeros(len(box), bool)
-            mask[part] = True
-            fits = fit(
-                camera,
-                shape,
-                Boxes(box[part], sigma_px[part], seen[part]),
-                _bells(heading_rad[part], heading_sigma_rad[part]),
-            )
-            found = found.put(mask, _moments(fits, shape, np.isfinite(heading_rad[part])))
-    return found
 
 
 def _seen(box_xyxy: np.ndarray, image_size: tuple[int, int]) -> Bool[np.ndarray, "n 4"]:

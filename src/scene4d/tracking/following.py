@@ -19,12 +19,17 @@ from scene4d.tracking._belief import FEWEST_SIGHTINGS, LEAST_REAL, Belief
 from scene4d.tracking._colours import Colours
 from scene4d.tracking._doubles import Doubles
 from scene4d.tracking._fixed_lag import FixedLagSmoother
-from scene4d.tracking._levels import located_on_levels
 from scene4d.tracking._sightings import Sightings
 from scene4d.tracking._sizes import Sizes
 from scene4d.tracking._smoothing import Smoothed, SmoothingSettings, smooth
 from scene4d.tracking._vehicles import locate_vehicles
-from scene4d.tracking.placing import bottoms_hidden, ground_under, place, shared_covariance
+from scene4d.tracking.placing import (
+    bottoms_hidden,
+    ground_under,
+    located_on_levels,
+    place,
+    shared_covariance,
+)
 
 _MOTION_S = 10.0
 """A vehicle's rough heading rests on at most this much of what was seen before a look."""
