@@ -3,23 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
+from scene4d.cli.arguments import catalogue_option
 from scene4d.cli.command import Answer, Job, command
 from scene4d.cli.output import screen
 
 
 @command("activities")
 def activities(
-    job: Job,
-    catalogue: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="FILE",
-            help="YAML file with your own activities, added to the built-in ones. Repeatable.",
-            show_default=False,
-        ),
-    ] = None,
+    job: Job, catalogue: Annotated[list[Path] | None, catalogue_option()] = None
 ) -> Answer:
     """List what search understands, with examples: activities, states, and ways to say more.
 

@@ -17,19 +17,13 @@ def align(
     scenes: Annotated[
         list[Path],
         typer.Argument(
-            metavar="SCENE...",
-            help="Folders written by track: of two cameras or more.",
-            show_default=False,
+            metavar="SCENE...", help="Folders written by track: of two cameras or more."
         ),
     ],
     *,
     out: Annotated[
         Path,
-        typer.Option(
-            metavar="SITE",
-            help="Folder for site.json, identities, plan.png and pairs/.",
-            show_default=False,
-        ),
+        typer.Option(metavar="SITE", help="Folder for site.json, identities, plan.png and pairs/."),
     ],
     anchor: Annotated[
         Path | None,
@@ -38,7 +32,6 @@ def align(
             help="JSON or CSV with ground points whose longitude and latitude or metres on a floor "
             "plan are known, GeoJSON with lines that tracks keep to (roads, pavements), or known "
             "cameras: the site's frame becomes that.",
-            show_default=False,
         ),
     ] = None,
     max_offset: Annotated[
@@ -90,13 +83,10 @@ def _with_remedy(reason: str) -> str:
 
 
 def _show(found: "Alignment") -> None:
-    from rich.table import Table
+    from scene4d.cli.output import print_warnings, screen, titled
 
-    from scene4d.cli.output import print_warnings, screen
-
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for title in ("Camera", "East or right", "North or ahead", "Heading", "Clock", "Scale"):
-        table.add_column(title, justify="left" if title == "Camera" else "right")
+    numbers = ("East or right", "North or ahead", "Heading", "Clock", "Scale")
+    table = titled("Camera", right=numbers)
     undetermined = []
     said = found.to_dict()
     for name, one in said["cameras"].items():

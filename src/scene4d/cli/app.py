@@ -85,8 +85,7 @@ def _version(wanted: bool) -> bool:
 @app.callback()
 def scene4d(
     version: Annotated[
-        bool,
-        typer.Option("--version", callback=_version, is_eager=True, help="Show the version."),
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
     """Turn a fixed camera into a metric sensor, from the people who walk through its footage."""

@@ -18,20 +18,15 @@ def annotation_format(panel: str) -> Any:
         help="Format of --annotations, if the file does not show it: mot, coco, kpf, pets, "
         "towncentre-csv, towncentre-top, virat.",
         rich_help_panel=panel,
-        show_default=False,
     )
 
 
 CAMERA: Any = typer.Option(
-    metavar="FILE",
-    help="camera.json from calibrate, or a camera file in another known format.",
-    show_default=False,
+    metavar="FILE", help="camera.json from calibrate, or a camera file in another known format."
 )
 """The option ``--camera`` of commands that track."""
 SCENE: Any = typer.Option(
-    metavar="SCENE",
-    help="Folder of the scene; created if it does not exist, extended if it does.",
-    show_default=False,
+    metavar="SCENE", help="Folder of the scene; created if it does not exist, extended if it does."
 )
 """The option ``--out`` of commands that track."""
 
@@ -43,7 +38,6 @@ def detector_option(panel: str) -> Any:
         help="Another detector for people and vehicles: a registered name, or an ONNX file "
         "in the YOLOX layout with the COCO classes.",
         rich_help_panel=panel,
-        show_default=False,
     )
 
 
@@ -63,17 +57,15 @@ def person_height_option(panel: str) -> Any:
         metavar="METRES",
         help="Mean height of the people. Default: the height used by the calibration.",
         rich_help_panel=panel,
-        show_default=False,
     )
 
 
-def catalogue_option(panel: str) -> Any:
+def catalogue_option(panel: str | None = None) -> Any:
     """The option ``--catalogue`` of commands that search."""
     return typer.Option(
         metavar="FILE",
         help="YAML file with your own activities, added to the built-in ones. Repeatable.",
         rich_help_panel=panel,
-        show_default=False,
     )
 
 
@@ -83,7 +75,6 @@ def zones_option(panel: str) -> Any:
         metavar="FILE",
         help="Named zones and lines on the ground, in metres: GeoJSON, or names with points.",
         rich_help_panel=panel,
-        show_default=False,
     )
 
 

@@ -51,7 +51,6 @@ def calibrate(
             metavar="SOURCE",
             help="Video, image, folder of images, quoted glob, or stream address (rtsp://...). "
             "Optional with --annotations and --image-size.",
-            show_default=False,
         ),
     ] = None,
     *,
@@ -61,7 +60,6 @@ def calibrate(
             metavar="DIR",
             help="Folder for camera.json, report.html, figures/ and people.parquet; created if it "
             "does not exist.",
-            show_default=False,
         ),
     ],
     frames: Annotated[
@@ -71,7 +69,6 @@ def calibrate(
             metavar="N",
             help="Use N frames spread over the footage. Default: one per second, 100 to 200.",
             rich_help_panel=_FOOTAGE,
-            show_default=False,
         ),
     ] = None,
     annotations: Annotated[
@@ -81,7 +78,6 @@ def calibrate(
             help="Use these boxes or keypoints instead of the built-in detector: MOTChallenge, "
             "COCO, KPF, PETS XML, TownCentre.",
             rich_help_panel=_FOOTAGE,
-            show_default=False,
         ),
     ] = None,
     image_size: Annotated[
@@ -90,7 +86,6 @@ def calibrate(
             metavar="WxH",
             help="Size of the annotated images, if there is no SOURCE.",
             rich_help_panel=_FOOTAGE,
-            show_default=False,
         ),
     ] = None,
     format_: Annotated[str | None, annotation_format(_FOOTAGE)] = None,
@@ -118,7 +113,6 @@ def calibrate(
             metavar="FILE",
             help="Camera file in any known format; its focal length and distortion are used.",
             rich_help_panel=_KNOWN,
-            show_default=False,
         ),
     ] = None,
     estimate_focal: Annotated[
@@ -146,7 +140,6 @@ def calibrate(
             metavar="FILE",
             help="JSON with what was measured in the scene: ground points, heights, distances.",
             rich_help_panel=_KNOWN,
-            show_default=False,
         ),
     ] = None,
     method: Annotated[

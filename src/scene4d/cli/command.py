@@ -36,8 +36,7 @@ _TERMINATED = 143
 P = ParamSpec("P")
 
 _Json = Annotated[
-    bool,
-    typer.Option("--json", help="Print one JSON object to standard output and nothing else."),
+    bool, typer.Option("--json", help="Print one JSON object to standard output and nothing else.")
 ]
 _Quiet = Annotated[
     bool, typer.Option("--quiet", "-q", help="Show only errors: no progress, no warnings.")

@@ -23,9 +23,7 @@ evaluate = typer.Typer(
     help="Measure calibrations and searches against recordings with ground truth.",
 )
 
-_Data = Annotated[
-    Path, typer.Option("--data", metavar="DIR", help="Folder of the data set.", show_default=False)
-]
+_Data = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder of the data set.")]
 _Out = Annotated[
     Path | None,
     typer.Option(
@@ -33,7 +31,6 @@ _Out = Annotated[
         metavar="DIR",
         help="Folder for evaluation.html, figures/ and evaluation.json. Without it, no file is "
         "written.",
-        show_default=False,
     ),
 ]
 
@@ -81,19 +78,11 @@ def virat(
     data: _Data,
     clip: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Clip, as VIRAT_S_000001. Default: the first one.",
-            show_default=False,
-        ),
+        typer.Option(metavar="NAME", help="Clip, as VIRAT_S_000001. Default: the first one."),
     ] = None,
     image_size: Annotated[
         str | None,
-        typer.Option(
-            metavar="WxH",
-            help="Size of the footage, if the video is not in DIR.",
-            show_default=False,
-        ),
+        typer.Option(metavar="WxH", help="Size of the footage, if the video is not in DIR."),
     ] = None,
     out: _Out = None,
 ) -> Answer:
@@ -122,9 +111,7 @@ def custom(
     camera: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE",
-            help="The calibration: camera.json or any known camera format.",
-            show_default=False,
+            metavar="FILE", help="The calibration: camera.json or any known camera format."
         ),
     ] = None,
     footage: Annotated[
@@ -132,7 +119,6 @@ def custom(
         typer.Option(
             metavar="SOURCE",
             help="Footage to calibrate from, in every way there is, instead of --camera.",
-            show_default=False,
         ),
     ] = None,
     reference: Annotated[
@@ -140,7 +126,6 @@ def custom(
         typer.Option(
             metavar="FILE",
             help="The ground truth: a camera file, or a 3x3 homography from pixels to metres.",
-            show_default=False,
         ),
     ],
     points: Annotated[
@@ -149,16 +134,11 @@ def custom(
             metavar="FILE",
             help="Pixels on the ground: lines of u,v; people.parquet; or an annotation file, for "
             "the feet in it. Default: a grid of pixels.",
-            show_default=False,
         ),
     ] = None,
     image_size: Annotated[
         str | None,
-        typer.Option(
-            metavar="WxH",
-            help="Size of the footage, for formats that do not store it.",
-            show_default=False,
-        ),
+        typer.Option(metavar="WxH", help="Size of the footage, for formats that do not store it."),
     ] = None,
     out: _Out = None,
 ) -> Answer:
@@ -235,7 +215,6 @@ def site(
             "--site",
             metavar="SITE",
             help="Folder written by align. Default: the site, the scenes or the videos in DIR.",
-            show_default=False,
         ),
     ] = None,
     out: _Out = None,
@@ -271,11 +250,8 @@ def _evaluated(
         found = work(progress)
         if out is not None:
             write_evaluation(found, out, command=command_line(), progress=progress)
-    return Answer(found.to_dict() | _where(out), lambda: show(found, out))
-
-
-def _where(out: Path | None) -> dict[str, str]:
-    return {} if out is None else {"out": str(out)}
+    where = {} if out is None else {"out": str(out)}
+    return Answer(found.to_dict() | where, lambda: show(found, out))
 
 
 for _command in (pets, towncentre, virat, meva, custom, site):

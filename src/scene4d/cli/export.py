@@ -1,6 +1,6 @@
 """``scene4d export``: a camera or a scene in the format of another program."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,17 +14,15 @@ from scene4d.core.staging import ensure_folder
 
 if TYPE_CHECKING:
     from scene4d.cli.exporting import GroundPoint
+    from scene4d.formats.cameras import CameraFormat
+    from scene4d.formats.scenes import SceneFormat
 
 
-def _writable() -> dict[str, str]:
-    """Names and descriptions of the formats that can be written."""
+def _writable() -> list[str]:
+    """Names of the camera formats that can be written."""
     from scene4d.formats.cameras import camera_formats
 
-    return {f.name: f.description for f in camera_formats() if f.write is not None}
-
-
-def _completions() -> list[str]:
-    return list(_writable())
+    return [known.name for known in camera_formats() if known.write is not None]
 
 
 @command("export")
@@ -45,16 +43,10 @@ def export(
             metavar="FORMAT",
             help="For a camera: json, opencv-yaml, opencv-xml, krtd, colmap, ros, deepstream or "
             "matrix. For a scene: csv, mot, kpf, geojson, moving-features, openlabel or rerun.",
-            autocompletion=_completions,
-            show_default=False,
+            autocompletion=_writable,
         ),
     ],
-    out: Annotated[
-        Path,
-        typer.Option(
-            metavar="FILE", help="File to write; for COLMAP, a folder.", show_default=False
-        ),
-    ],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write; for COLMAP, a folder.")],
     from_format: Annotated[
         str | None,
         typer.Option(
@@ -66,8 +58,7 @@ def export(
         typer.Option(metavar="WxH", help="Image size, for formats that do not store it."),
     ] = None,
     run: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Run to export, if the scene holds several."),
+        str | None, typer.Option(metavar="NAME", help="Run to export, if the scene holds several.")
     ] = None,
     anchor: Annotated[
         list[str] | None,
@@ -124,26 +115,17 @@ def _export_scene(scene: Path, to: str, out: Path, run: str | None, anchor: list
     from scene4d.cli.exporting import export_scene
     from scene4d.formats.scenes import scene_formats
 
-    known = {f.name: f.description for f in scene_formats()}
-    if to not in known:
-        raise typer.BadParameter(
-            f"{to!r} is no format of scenes; known: {', '.join(known)}", param_hint="--to"
-        )
+    description = _description(to, scene_formats(), "of scenes")
     points = [_parse_anchor(text) for text in anchor]
-    files = export_scene(scene, out, to, run=run, anchor=points)
-    return _written(to, known[to], files)
+    return _written(to, description, export_scene(scene, out, to, run=run, anchor=points))
 
 
 def _export_site(site: Path, to: str, out: Path) -> Answer:
     from scene4d.cli.exporting import export_site
     from scene4d.formats.scenes import scene_formats
 
-    known = {f.name: f.description for f in scene_formats()}
-    if to not in known:
-        raise typer.BadParameter(
-            f"{to!r} is no format of sites; known: {', '.join(known)}", param_hint="--to"
-        )
-    return _written(to, known[to], export_site(site, out, to))
+    description = _description(to, scene_formats(), "of sites")
+    return _written(to, description, export_site(site, out, to))
 
 
 def _export_camera(
@@ -153,15 +135,17 @@ def _export_camera(
     from_format: str | None,
     image_size: str | None,
 ) -> Answer:
-    known = _writable()
-    if to not in known:
-        raise typer.BadParameter(
-            f"{to!r} is no format that is written; known: {', '.join(known)}", param_hint="--to"
-        )
     from scene4d.core.calibration import GIVEN
     from scene4d.core.camera import Camera
-    from scene4d.formats.cameras import read_calibration, read_camera, write_camera
+    from scene4d.formats.cameras import (
+        camera_formats,
+        read_calibration,
+        read_camera,
+        write_camera,
+    )
 
+    writable = [known for known in camera_formats() if known.write is not None]
+    description = _description(to, writable, "that is written")
     if out.exists() and camera.exists() and out.samefile(camera):
         raise InputError(f"{out}: is the camera that is read; give another --out")
     size = None if image_size is None else parse_image_size(image_size)
@@ -177,7 +161,17 @@ def _export_camera(
         calibration.save(out)  # with its covariance, which a bare camera lacks
     else:
         write_camera(found, out, to)
-    return _written(to, known[to], (out,))
+    return _written(to, description, (out,))
+
+
+def _description(to: str, formats: "Iterable[CameraFormat | SceneFormat]", which: str) -> str:
+    """What a format says of itself. Raises :class:`typer.BadParameter` for one that is unknown."""
+    known = {one.name: one.description for one in formats}
+    if to not in known:
+        raise typer.BadParameter(
+            f"{to!r} is no format {which}; known: {', '.join(known)}", param_hint="--to"
+        )
+    return known[to]
 
 
 def _written(to: str, description: str, files: Sequence[Path]) -> Answer:

@@ -24,16 +24,13 @@ def fleet(
         typer.Argument(
             metavar="PLAN",
             help="YAML file of cameras and what to do with them, or a folder of clips.",
-            show_default=False,
         ),
     ],
     *,
     out: Annotated[
         str,
         typer.Option(
-            metavar="STORE",
-            help="Folder for the results, or an address such as s3://bucket/fleet.",
-            show_default=False,
+            metavar="STORE", help="Folder for the results, or an address such as s3://bucket/fleet."
         ),
     ],
     ray: Annotated[
@@ -42,7 +39,6 @@ def fleet(
             metavar="ADDRESS",
             help="Ray cluster that does the work, as 10.0.0.1:6379; local makes one of this "
             "machine. Default: one task after the other, in this process.",
-            show_default=False,
         ),
     ] = None,
 ) -> Answer:
@@ -73,14 +69,11 @@ def fleet(
 
 
 def _show(found: "FleetRun", warnings: list[str]) -> None:
-    from rich.table import Table
-
-    from scene4d.cli.output import print_warnings, screen
+    from scene4d.cli.output import print_warnings, screen, titled
 
     said = found.to_dict()
-    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
-    for title in ("Camera", "State", "Tasks", "Done", "Earlier", "Aside", "Footage", "CPU"):
-        table.add_column(title, justify="left" if title in ("Camera", "State") else "right")
+    numbers = ("Tasks", "Done", "Earlier", "Aside", "Footage", "CPU")
+    table = titled("Camera", "State", right=numbers)
     for name, one in said["cameras"].items():
         counts = (one[key] for key in ("tasks", "done", "earlier"))
         aside = one["quarantined"] + one["skipped"]

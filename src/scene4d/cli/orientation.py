@@ -26,7 +26,6 @@ def orientation(
         typer.Argument(
             metavar="SOURCE",
             help="Video, image, folder of images, quoted glob, or stream address (rtsp://...).",
-            show_default=False,
         ),
     ],
     *,
@@ -36,7 +35,6 @@ def orientation(
             metavar="FILE",
             help="Camera file in any known format: its distortion is removed from the images and "
             "its focal length is used as is.",
-            show_default=False,
         ),
     ] = None,
     frames: Annotated[
@@ -47,7 +45,6 @@ def orientation(
             metavar="N",
             help="Use N frames spread over the footage. Default: until further frames no longer "
             "change the answer, up to 1000.",
-            show_default=False,
         ),
     ] = None,
     out: Annotated[
@@ -56,7 +53,6 @@ def orientation(
             metavar="DIR",
             help="Folder for orientation.json and figures/orientation.png. Without it, no file is "
             "written.",
-            show_default=False,
         ),
     ] = None,
 ) -> Answer:

@@ -11,6 +11,7 @@ from scene4d.core.errors import OutputError
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, ConsoleRenderable
     from rich.segment import Segment
+    from rich.table import Table
 
 _PIPE_COLUMNS = 100
 """Width of printed tables if stdout is no terminal."""
@@ -97,6 +98,28 @@ def print_warnings(console: "Console", warnings: Iterable[str]) -> None:
     """A line for each."""
     for warning in warnings:
         console.print(f"Warning  {warning}", style="yellow", soft_wrap=True)
+
+
+def facts() -> "Table":
+    """A table without titles: names in bold, and what is so, which wraps."""
+    from rich.table import Table
+
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(style="bold", no_wrap=True)
+    table.add_column()
+    return table
+
+
+def titled(*left: str, right: Iterable[str] = ()) -> "Table":
+    """A table whose columns have titles: names first, then numbers, aligned to the right."""
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="bold")
+    for title in left:
+        table.add_column(title)
+    for title in right:
+        table.add_column(title, justify="right")
+    return table
 
 
 def _encodable(text: str, encoding: str | None) -> str:

@@ -28,7 +28,6 @@ def search(
         typer.Argument(
             metavar="SCENE|SITE...",
             help="Folders written by track: one scene or several; or one written by align.",
-            show_default=False,
         ),
     ],
     words: Annotated[
@@ -37,7 +36,6 @@ def search(
             metavar="WORDS",
             help='What to search for, in quotes, as "person enters vehicle"; several with ";" '
             'between them, or "all activities".',
-            show_default=False,
         ),
     ],
     *,
@@ -64,12 +62,10 @@ def search(
             min=0.0,
             max=1.0,
             help="Lowest probability of an event; for activities of which scores are calibrated.",
-            show_default=False,
         ),
     ] = None,
     explain: Annotated[
-        bool,
-        typer.Option("--explain", help="Show every predicate of an event over time."),
+        bool, typer.Option("--explain", help="Show every predicate of an event over time.")
     ] = False,
     catalogue: Annotated[list[Path] | None, catalogue_option(_ASKED)] = None,
     zones: Annotated[Path | None, zones_option(_ASKED)] = None,
@@ -79,7 +75,6 @@ def search(
             metavar="FILE|DIR",
             help="Footage for the clips of --out, if it has moved since it was tracked.",
             rich_help_panel=_RESULT,
-            show_default=False,
         ),
     ] = None,
     out: Annotated[
@@ -88,16 +83,12 @@ def search(
             metavar="DIR",
             help="Folder for search.html, a page with clips and paths, and events.json.",
             rich_help_panel=_RESULT,
-            show_default=False,
         ),
     ] = None,
     csv: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE",
-            help="Table of all events, a line each.",
-            rich_help_panel=_RESULT,
-            show_default=False,
+            metavar="FILE", help="Table of all events, a line each.", rich_help_panel=_RESULT
         ),
     ] = None,
     actev: Annotated[
@@ -106,7 +97,6 @@ def search(
             metavar="FILE",
             help="JSON file for all events, in the format of NIST's ActEV_Scorer.",
             rich_help_panel=_RESULT,
-            show_default=False,
         ),
     ] = None,
 ) -> Answer:

@@ -42,7 +42,6 @@ def serve(
             help="What every request must bring: open http://ADDRESS/?token=TEXT once.",
             envvar="SCENE4D_TOKEN",
             rich_help_panel=_WHERE,
-            show_default=False,
         ),
     ] = None,
     public_name: Annotated[
@@ -51,7 +50,6 @@ def serve(
             metavar="NAME",
             help="Name under which others reach it, such as that of a proxy. Repeatable.",
             rich_help_panel=_WHERE,
-            show_default=False,
         ),
     ] = None,
     zones: Annotated[
@@ -59,15 +57,12 @@ def serve(
         typer.Option(
             metavar="FILE",
             help="File to which zones and lines are saved. Default: zones.json in the first SCENE.",
-            show_default=False,
         ),
     ] = None,
     footage: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE|DIR",
-            help="Where the footage is, if it has moved since it was tracked.",
-            show_default=False,
+            metavar="FILE|DIR", help="Where the footage is, if it has moved since it was tracked."
         ),
     ] = None,
 ) -> Answer:

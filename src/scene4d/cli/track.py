@@ -33,7 +33,6 @@ def track(
         typer.Argument(
             metavar="SOURCE",
             help="Video or stream URL of the calibrated camera. Not needed with --annotations.",
-            show_default=False,
         ),
     ] = None,
     *,
@@ -46,7 +45,6 @@ def track(
             help="Use these boxes instead of the built-in detectors: KPF, MOTChallenge, PETS XML, "
             "TownCentre, COCO, VIRAT. Track numbers in the file are kept.",
             rich_help_panel=_WATCHING,
-            show_default=False,
         ),
     ] = None,
     rate: Annotated[
@@ -69,7 +67,6 @@ def track(
             max=1000,
             help="Frame rate of --annotations, if there is no SOURCE.",
             rich_help_panel=_WATCHING,
-            show_default=False,
         ),
     ] = None,
     format_: Annotated[str | None, annotation_format(_WATCHING)] = None,
@@ -88,7 +85,6 @@ def track(
             metavar="NAME",
             help="Name of the camera in the scene. Default: the name of the footage.",
             rich_help_panel=_MEANING,
-            show_default=False,
         ),
     ] = None,
     start: Annotated[
@@ -98,7 +94,6 @@ def track(
             help="Start time of the footage, as 2026-11-20T08:00:00Z. Default: unknown; times then "
             "count from 1970.",
             rich_help_panel=_MEANING,
-            show_default=False,
         ),
     ] = None,
     person_height: Annotated[str | None, person_height_option(_MEANING)] = None,
@@ -161,13 +156,9 @@ def _times(timings: dict[str, float]) -> str:
 
 
 def _show(run: "TrackRun") -> None:
-    from rich.table import Table
+    from scene4d.cli.output import facts, print_warnings, screen
 
-    from scene4d.cli.output import print_warnings, screen
-
-    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column()
+    table = facts()
     found = ", ".join(f"{count} x {name}" for name, count in run.tracks.items()) or "nobody"
     table.add_row("Tracks", found)
     table.add_row("Rows", f"{run.rows:,}")

@@ -16,21 +16,16 @@ _PAGE = "Page"
 def view(
     job: Job,
     scenes: Annotated[
-        list[Path],
-        typer.Argument(metavar="SCENE...", help="Scene folders, as track writes them."),
+        list[Path], typer.Argument(metavar="SCENE...", help="Scene folders, as track writes them.")
     ],
     *,
-    out: Annotated[
-        Path,
-        typer.Option(metavar="FILE", help="The page, such as page.html.", show_default=False),
-    ],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="The page, such as page.html.")],
     search: Annotated[
         list[str] | None,
         typer.Option(
             metavar="WORDS",
             help="Show the events of this search. Repeatable.",
             rich_help_panel=_PAGE,
-            show_default=False,
         ),
     ] = None,
     zones: Annotated[Path | None, zones_option(_PAGE)] = None,
@@ -40,7 +35,6 @@ def view(
             metavar="FILE|DIR",
             help="Where the footage is, if it has moved since it was tracked.",
             rich_help_panel=_PAGE,
-            show_default=False,
         ),
     ] = None,
     no_video: Annotated[

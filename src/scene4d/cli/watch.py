@@ -22,7 +22,7 @@ from scene4d.cli.arguments import (
     zones_option,
 )
 from scene4d.cli.command import Answer, Job, command, output_folder
-from scene4d.cli.output import emit, visible
+from scene4d.cli.output import emit, facts, visible
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -43,7 +43,6 @@ def watch(
             metavar="SOURCE...",
             help="Stream URL, capture device such as /dev/video0, or a video, which is played at "
             "real time. Several are watched at once.",
-            show_default=False,
         ),
     ],
     *,
@@ -52,7 +51,6 @@ def watch(
         typer.Option(
             metavar="FILE",
             help="The camera's calibration: camera.json, or another format. One for each SOURCE.",
-            show_default=False,
         ),
     ],
     out: Annotated[Path, SCENE],
@@ -73,7 +71,6 @@ def watch(
             min=0,
             help="End if a lost stream does not come back for this long. Default: try for ever.",
             rich_help_panel=_WATCHING,
-            show_default=False,
         ),
     ] = None,
     recalibrate: Annotated[
@@ -92,7 +89,6 @@ def watch(
             help='What to search for meanwhile, as "person enters vehicle". Repeatable. Searches '
             "kept in the scene (SCENE/standing.json, which the page writes) are looked for too.",
             rich_help_panel=_ASKED,
-            show_default=False,
         ),
     ] = None,
     alert: Annotated[
@@ -102,7 +98,6 @@ def watch(
             help="Where to send each event: https://... (a webhook), mqtt://host/topic, or "
             "exec:COMMAND, which reads it. Repeatable.",
             rich_help_panel=_ASKED,
-            show_default=False,
         ),
     ] = None,
     min_score: Annotated[
@@ -127,7 +122,6 @@ def watch(
             help="Name of the camera in the scene, one for each SOURCE. Default: the name of the "
             "source.",
             rich_help_panel=_MEANING,
-            show_default=False,
         ),
     ] = None,
     person_height: Annotated[str | None, person_height_option(_MEANING)] = None,
@@ -240,11 +234,7 @@ def _show(runs: "list[WatchRun]") -> None:
 
 
 def _summary(run: "WatchRun", *, several: bool) -> "Table":
-    from rich.table import Table
-
-    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(style="bold", no_wrap=True)
-    table.add_column()
+    table = facts()
     found = ", ".join(f"{count} x {name}" for name, count in run.tracks.items()) or "nobody"
     if several:
         table.add_row("Camera", run.camera)
