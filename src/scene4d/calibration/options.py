@@ -8,7 +8,7 @@ from scene4d.core.camera import Lens
 from scene4d.core.errors import InputError
 from scene4d.core.landmarks import Landmarks
 from scene4d.core.orientation import Orientation
-from scene4d.core.text import prefixed
+from scene4d.core.text import in_file
 
 METHODS = ("joint", "paper")
 CONSENSUS = ("exact", "ransac")
@@ -168,10 +168,8 @@ class CalibrateOptions:
 def _landmarks(given: str | Path | Landmarks, image_size: tuple[int, int]) -> Landmarks:
     if isinstance(given, Landmarks):
         return given.inside(image_size)
-    try:
+    with in_file(given):
         return Landmarks.load(given).inside(image_size)
-    except InputError as error:
-        raise prefixed(error, Path(given)) from error
 
 
 POINTS = CalibrateOptions(

@@ -4,7 +4,7 @@ import csv
 from pathlib import Path
 
 from scene4d.core.errors import InputError
-from scene4d.core.text import floats, prefixed, quoted, read_text
+from scene4d.core.text import floats, in_file, quoted, read_text
 
 NEEDED = ("u", "v", "x_m", "y_m")
 OPTIONAL = ("z_m", "sigma_m", "sigma_px", "name")
@@ -21,10 +21,8 @@ def table_rows(path: Path) -> list[tuple[str, dict[str, float]]]:
 
     Raises :class:`InputError` naming the file and the line.
     """
-    try:
+    with in_file(path):
         return _rows(read_text(path))
-    except InputError as error:
-        raise prefixed(error, path) from error
 
 
 def _rows(text: str) -> list[tuple[str, dict[str, float]]]:

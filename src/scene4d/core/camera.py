@@ -3,7 +3,6 @@
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.files import write_json
 from scene4d.core.json_object import JsonObject
 from scene4d.core.points import ImageSize, PointsLike, as_image_size, as_points
-from scene4d.core.text import prefixed, quoted
+from scene4d.core.text import in_file, quoted
 
 SCHEMA = "scene4d/camera/2"
 SCHEMAS = ("scene4d/camera/1", SCHEMA)
@@ -367,10 +366,8 @@ class Camera(Lens):
         size = fields.array("image_size", 2)
         shapes = {"K": (3, 3), "distortion": (_COEFFICIENTS[model],), "R": (3, 3), "t": (3,)}
         values = {name: fields.array(name, *shape) for name, shape in shapes.items()}
-        try:
+        with in_file(fields.where):
             camera = cls(image_size=as_image_size(size), distortion_model=model, **values)
-        except InputError as error:
-            raise prefixed(error, Path(fields.where)) from error
         if camera.height_m <= 0:
             raise fields.error("t", "that of a camera above the ground (height_m greater than 0)")
         camera._check_derived(fields)

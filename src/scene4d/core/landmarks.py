@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float
 from scene4d.core._landmark_table import is_table, table_rows
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
-from scene4d.core.text import prefixed
+from scene4d.core.text import in_file
 
 SCHEMA = "scene4d/landmarks/1"
 Pixel = tuple[float, float]
@@ -131,14 +131,12 @@ class Landmarks:
             name: fields.objects(name) if name in fields else []
             for name in ("points", "uprights", "distances")
         }
-        try:
+        with in_file(path):
             return cls(
                 tuple(_point(item) for item in of_kind["points"]),
                 tuple(_upright(item) for item in of_kind["uprights"]),
                 tuple(_distance(item) for item in of_kind["distances"]),
             )
-        except InputError as error:
-            raise prefixed(error, Path(path)) from error
 
     @classmethod
     def _of_table(cls, path: Path) -> "Landmarks":
@@ -152,10 +150,8 @@ class Landmarks:
             )
             for name, row in table_rows(path)
         ]
-        try:
+        with in_file(path):
             return cls(tuple(points))
-        except InputError as error:
-            raise prefixed(error, path) from error
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,13 +2,12 @@
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
-from scene4d.core.text import prefixed
+from scene4d.core.text import in_file
 
 _FIELDS = ("focal_px", "tilt_deg", "roll_deg")
 _WRITTEN = ("schema", "version", "warnings", "error", "vfov_deg", "frames")
@@ -73,10 +72,8 @@ class Orientation:
             sigma.only((*_FIELDS, "vfov_deg"))
             spread = [_sigma(sigma, name) for name in _FIELDS]
         scale = np.array([1.0, np.pi / 180, np.pi / 180])
-        try:
+        with in_file(path):
             return cls(*(numbers * scale), *(spread * scale))
-        except InputError as error:
-            raise prefixed(error, Path(path)) from error
 
 
 def _sigma(fields: JsonObject, name: str) -> float:

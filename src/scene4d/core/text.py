@@ -4,8 +4,10 @@ Readers raise :class:`InputError` with the line or field; the registries put the
 """
 
 import difflib
+import os
 import reprlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -104,10 +106,15 @@ def decimal(value: float) -> str:
     return text.replace("e", ".0e") if "e" in text and "." not in text else text
 
 
-def prefixed(error: InputError, path: Path) -> InputError:
-    """The same error with the file in front, once."""
-    message = str(error)
-    return error if message.startswith(f"{path}:") else InputError(f"{path}: {message}")
+@contextmanager
+def in_file(path: str | os.PathLike[str]) -> Iterator[None]:
+    """An :class:`InputError` in the block gets the file in front, once."""
+    try:
+        yield
+    except InputError as error:
+        if str(error).startswith(f"{os.fspath(path)}:"):
+            raise
+        raise InputError(f"{os.fspath(path)}: {error}") from error
 
 
 def nearest(word: str, known: Iterable[str]) -> str:

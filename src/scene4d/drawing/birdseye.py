@@ -62,9 +62,7 @@ def with_camera(area: Area, camera: Camera) -> Area:
     if outside < 0.75 * size:
         room = 0.05 * size
         x0, x1, y0, y1 = min(x0, x - room), max(x1, x + room), min(y0, y - room), max(y1, y + room)
-    widen = max(0.0, 0.6 * (y1 - y0) - (x1 - x0)) / 2
-    deepen = max(0.0, 0.5 * (x1 - x0) - (y1 - y0)) / 2
-    return Area(x0 - widen, x1 + widen, y0 - deepen, y1 + deepen)
+    return Area(x0, x1, y0, y1).shaped(0.6, 0.5)
 
 
 def rectify(

@@ -35,6 +35,13 @@ class Area:
         """Extent along Y."""
         return self.y_max - self.y_min
 
+    def shaped(self, wide: float, deep: float) -> "Area":
+        """As wide as so much of its depth, and as deep as so much of its width, at least."""
+        widen = max(0.0, wide * self.depth - self.width) / 2
+        deepen = max(0.0, deep * self.width - self.depth) / 2
+        x, y = (self.x_min - widen, self.x_max + widen), (self.y_min - deepen, self.y_max + deepen)
+        return Area(*x, *y)
+
 
 def footprints(
     camera: Camera, segments: Segments, ground_m: float | Float[np.ndarray, "n"] = 0.0
@@ -76,24 +83,18 @@ def track_medians(
     return np.array([np.median(g) for g in groups if len(g)])
 
 
-def walked_area(
-    xy_m: Float[np.ndarray, "n 2"],
-    camera: Camera,
-    *,
-    reach_m: float | None = None,
-) -> Area | None:
+def walked_area(xy_m: Float[np.ndarray, "n 2"], camera: Camera) -> Area | None:
     """The ground where people walked, with a margin; None where no footprint is finite.
 
     The rim of the cloud (0.5 % on each side) is left out, and ground further away than
-    ``reach_m`` (by default :func:`sane_distance`): near the horizon a pixel covers metres, and
-    one bad footprint would stretch the picture without end.
+    :func:`sane_distance`: near the horizon a pixel covers metres, and one bad footprint would
+    stretch the picture without end.
     """
     xy = xy_m[np.isfinite(xy_m).all(axis=1)]
     if len(xy) == 0:
         return None
     distance = np.hypot(*(xy - camera.centre_m[:2]).T)
-    reach = sane_distance(camera) if reach_m is None else reach_m
-    reach = max(reach, 1.25 * float(np.median(distance)))
+    reach = max(sane_distance(camera), 1.25 * float(np.median(distance)))
     xy = xy[distance <= reach]
     low, high = np.percentile(xy, [0.5, 99.5], axis=0)
     margin = np.maximum(1.5, 0.12 * (high - low))

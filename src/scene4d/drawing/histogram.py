@@ -61,20 +61,10 @@ def draw_histogram(calibration: Calibration) -> style.Drawn:
 
 
 def _medians(axes: Axes, medians: Float[np.ndarray, "m"], top: float) -> Line2D:
-    axes.plot(
-        medians,
-        np.full(len(medians), 0.95 * top),
-        ls="",
-        marker="v",
-        ms=6,
-        color=style.AXIS,
-        mec="white",
-        mew=0.5,
-        alpha=0.8,
-        zorder=4,
-    )
-    label = f"median of each of {len(medians)} tracks"
-    return Line2D([], [], ls="", marker="v", ms=6, color=style.AXIS, label=label)
+    look: dict[str, Any] = {"ls": "", "marker": "v", "ms": 6, "color": style.AXIS}
+    rows = np.full(len(medians), 0.95 * top)
+    axes.plot(medians, rows, mec="white", mew=0.5, alpha=0.8, zorder=4, **look)
+    return Line2D([], [], label=f"median of each of {len(medians)} tracks", **look)
 
 
 def _frame(axes: Axes, limits: tuple[float, float], top: float, outside: int) -> None:

@@ -117,18 +117,9 @@ def _labels(axes: Axes, camera: Camera, tracks: Tracks) -> None:
         if any((np.abs(uv[row, 1] - other) < _ROOM * camera.image_size).all() for other in taken):
             continue
         taken.append(uv[row, 1])
-        axes.annotate(
-            _said(tracks.size_m[row], tracks.size_sigma_m[row]),
-            tuple(uv[row, 1].tolist()),
-            xytext=(0, 4),
-            textcoords="offset points",
-            ha="center",
-            fontsize=style.SMALL,
-            color="white",
-            path_effects=style.halo(1.8),
-            annotation_clip=True,
-            zorder=8,
-        )
+        text = _said(tracks.size_m[row], tracks.size_sigma_m[row])
+        look: dict[str, Any] = {"ha": "center", "path_effects": style.halo(1.8), "zorder": 8}
+        style.label(axes, text, uv[row, 1], (0, 4), **look)
 
 
 def _said(size_m: Float[np.ndarray, "3"], sigma_m: Float[np.ndarray, "3"]) -> str:

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
 from scene4d.drawing import style
+from scene4d.drawing.scenery import in_frame
 
 _OWN, _OTHER, _APART = "#3A8DFF", "#FFC845", "#FFFFFF"
 _MOST = 160
@@ -36,7 +37,7 @@ def draw_other_view(
     """The picture of the first camera with its own points, those of the second, and the way
     between the two of each pair.
     """
-    seen = _inside(matched.own_uv, image_size) & _inside(matched.other_uv, image_size)
+    seen = in_frame(matched.own_uv, image_size) & in_frame(matched.other_uv, image_size)
     rows = np.flatnonzero(seen)
     rows = rows[:: max(1, -(-len(rows) // _MOST))]
     own, other = matched.own_uv[rows], matched.other_uv[rows]
@@ -55,9 +56,3 @@ def draw_other_view(
 
 def _mark(colour: str, marker: str, label: str) -> Line2D:
     return Line2D([], [], ls="", marker=marker, ms=7, c=colour, mec="black", label=label)
-
-
-def _inside(uv: Float[np.ndarray, "n 2"], image_size: tuple[int, int]) -> Bool[np.ndarray, "n"]:
-    with np.errstate(invalid="ignore"):
-        inside: np.ndarray = np.all((uv >= -0.5) & (uv <= np.array(image_size) - 0.5), axis=1)
-    return inside

@@ -72,7 +72,7 @@ def _landmarks(axes: Axes, fit: LandmarkFit) -> list[Any]:
         look: dict[str, Any] = {"color": colour, "path_effects": effects, "zorder": 7}
         axes.plot(*ends.T, lw=1.4, **look)
         axes.plot(*uv, marker="o", ms=8, mfc="none", mew=1.6, **look)
-        _name(axes, names[row], uv)
+        _name(axes, names[row], np.array(uv))
     for row, distance in enumerate(known.distances, start=len(seen)):
         ends = np.array(distance.uv)
         colour = style.UPRIGHT if fit.used[row] else style.OUTLIER
@@ -83,18 +83,8 @@ def _landmarks(axes: Axes, fit: LandmarkFit) -> list[Any]:
     return [Line2D([], [], label=label, **look)]
 
 
-def _name(axes: Axes, name: str, uv: Any) -> None:
-    axes.annotate(
-        name,
-        (float(uv[0]), float(uv[1])),
-        xytext=(7, 5),
-        textcoords="offset points",
-        fontsize=style.SMALL,
-        color="white",
-        path_effects=style.halo(1.8),
-        annotation_clip=True,
-        zorder=8,
-    )
+def _name(axes: Axes, name: str, uv: np.ndarray) -> None:
+    style.label(axes, name, uv, (7, 5), path_effects=style.halo(1.8), zorder=8)
 
 
 def _room_above(camera: Camera | None) -> float:
@@ -228,46 +218,20 @@ def _grid_labels(
             continue
         at = inside[free[0]]
         taken.append(at + shift)
-        axes.annotate(
-            f"{number(line.value_m, int(line.value_m % 1 != 0))} m",
-            (at[0], at[1]),
-            xytext=(2, 1.5),
-            textcoords="offset points",
-            fontsize=style.SMALL,
-            color="white",
-            alpha=0.9,
-            path_effects=style.halo(1.6),
-            annotation_clip=True,
-        )
+        text = f"{number(line.value_m, int(line.value_m % 1 != 0))} m"
+        style.label(axes, text, at, (2, 1.5), alpha=0.9, path_effects=style.halo(1.6))
 
 
 def _ticks(axes: Axes, camera: Camera) -> list[Any]:
     curves = vertical_ticks(camera)
     effects = style.halo(1.6)
-    axes.add_collection(
-        LineCollection(
-            list(curves),
-            colors=style.TICK,
-            linewidths=0.9,
-            alpha=0.75,
-            path_effects=effects,
-            zorder=1.6,
-        )
-    )
+    look: dict[str, Any] = {"colors": style.TICK, "linewidths": 0.9, "alpha": 0.75, "zorder": 1.6}
+    axes.add_collection(LineCollection(list(curves), path_effects=effects, **look))
     nadir = nadir_pixel(camera)
     if nadir is not None:
-        style.scatter(
-            axes, nadir[None], s=90, marker="+", c="white", lw=1.4, path_effects=style.halo()
-        )
-        axes.annotate(
-            "straight down",
-            tuple(nadir),
-            xytext=(7, 5),
-            textcoords="offset points",
-            fontsize=style.SMALL,
-            color="white",
-            path_effects=style.halo(),
-        )
+        dark: dict[str, Any] = {"path_effects": style.halo()}
+        style.scatter(axes, nadir[None], s=90, marker="+", c="white", lw=1.4, **dark)
+        style.label(axes, "straight down", nadir, (7, 5), **dark)
     label = "vertical direction"
     return [Line2D([], [], ls="", marker="|", ms=9, c="white", path_effects=effects, label=label)]
 
@@ -302,13 +266,8 @@ def _second_horizon(axes: Axes, network: Camera) -> list[Any]:
     curve = horizon_curve(network)
     if not horizon_shown(network):
         return [_unseen(network, "network's horizon", style.NETWORK)]
-    effects = style.halo(2.0)
-    look: dict[str, Any] = {
-        "color": style.NETWORK,
-        "lw": 1.1,
-        "ls": (0, (6, 4)),
-        "path_effects": effects,
-    }
+    look: dict[str, Any] = {"color": style.NETWORK, "lw": 1.1, "ls": (0, (6, 4))}
+    look["path_effects"] = style.halo(2.0)
     axes.plot(*curve.T, zorder=1.9, **look)
     return [Line2D([], [], label="network's horizon", **look)]
 
@@ -356,16 +315,6 @@ def _upright_label(
     )
     at, offset = (head, 10 * towards) if fits[0] else (foot, -14 * towards)
     side = "left" if at[0] < 0.04 * size[0] else "right" if at[0] > 0.96 * size[0] else "center"
-    axes.annotate(
-        f"{distance:.0f} m" if distance >= 10 else f"{distance:.1f} m",
-        (at[0], at[1]),
-        xytext=(offset[0], -offset[1]),
-        textcoords="offset points",
-        ha=side,
-        va="center",
-        fontsize=style.NORMAL,
-        fontweight="bold",
-        color=style.UPRIGHT,
-        bbox={"boxstyle": "round,pad=0.18", "fc": style.INK, "ec": "none", "alpha": 0.72},
-        zorder=6,
-    )
+    text = f"{distance:.0f} m" if distance >= 10 else f"{distance:.1f} m"
+    away = (offset[0], -offset[1])
+    style.label(axes, text, at, away, ha=side, color=style.UPRIGHT, **style.boxed())

@@ -1,11 +1,15 @@
 """Self-contained HTML pages: templates of any room over one base, pictures inside the page."""
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from scene4d.drawing.style import Drawn
 
 EMBED_BYTES = 520_000
 """Most that one figure takes inside the page; the PNG files keep everything."""
@@ -21,6 +25,21 @@ class Shown:
     caption: str
     legend: tuple[tuple[str, str], ...] = ()
     """Labels, each with its mark as SVG, where the picture has no legend of its own."""
+
+
+def as_shown(
+    pictures: "Mapping[str, Drawn]", alt: Callable[[str], str], caption: Callable[[str], str]
+) -> dict[str, Shown]:
+    """Figures by name, each with its alternative text and its caption."""
+    return {
+        name: Shown(name, data_uri(drawn.page_png), alt(name), caption(name), drawn.legend)
+        for name, drawn in pictures.items()
+    }
+
+
+def made_by(command: str | None) -> list[tuple[str, str]]:
+    """The last lines of a page's provenance: the version, and the command if there was one."""
+    return [("scene4d", version("scene4d")), *([("Command", command)] if command else [])]
 
 
 def rendered(package: str, template: str, values: Mapping[str, Any]) -> str:

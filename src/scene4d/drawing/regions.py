@@ -50,27 +50,10 @@ def _outline(axes: Axes, points: Float[np.ndarray, "k 2"], region: GroundRegion)
     if len(points) == 0:
         return
     axes.fill(*points.T, fc=to_rgba(style.REGION, 0.12), ec="none", zorder=2.2)
-    axes.plot(
-        *np.vstack([points, points[:1]]).T,
-        color=style.REGION,
-        lw=1.6,
-        ls=(0, (4, 2)),
-        path_effects=style.halo(2.6),
-        zorder=4.5,
-    )
-    middle = points.mean(axis=0)
-    axes.annotate(
-        height_text(region),
-        (float(middle[0]), float(middle[1])),
-        ha="center",
-        va="center",
-        fontsize=style.NORMAL,
-        fontweight="bold",
-        color=style.REGION,
-        bbox={"boxstyle": "round,pad=0.18", "fc": style.INK, "ec": "none", "alpha": 0.72},
-        annotation_clip=True,
-        zorder=6,
-    )
+    line: dict[str, Any] = {"color": style.REGION, "lw": 1.6, "ls": (0, (4, 2)), "zorder": 4.5}
+    axes.plot(*np.vstack([points, points[:1]]).T, path_effects=style.halo(2.6), **line)
+    look = {"ha": "center", "color": style.REGION, **style.boxed()}
+    style.label(axes, height_text(region), points.mean(axis=0), **look)
 
 
 def _legend(calibration: Calibration) -> list[Any]:

@@ -122,9 +122,7 @@ def _area(cameras: Mapping[str, Camera], ways: Sequence[Way]) -> Area:
     low, high = np.minimum(low, centres.min(axis=0)), np.maximum(high, centres.max(axis=0))
     room = 1.0 + 0.06 * float(np.max(high - low))
     (x0, y0), (x1, y1) = (low - room).tolist(), (high + room).tolist()
-    widen = max(0.0, 0.7 * (y1 - y0) - (x1 - x0)) / 2
-    deepen = max(0.0, 0.5 * (x1 - x0) - (y1 - y0)) / 2
-    return Area(x0 - widen, x1 + widen, y0 - deepen, y1 + deepen)
+    return Area(x0, x1, y0, y1).shaped(0.7, 0.5)
 
 
 def _draw_camera(axes: Axes, name: str, camera: Camera, colour: str, reach_m: float) -> Any:
@@ -165,16 +163,8 @@ def _draw_ways(axes: Axes, ways: Sequence[Way]) -> list[Any]:
         axes.plot(*way.xy_m.T, color=colour, lw=1.7, zorder=5)
         style.scatter(axes, way.xy_m[-1:], s=22, c=colour, ec="white", lw=0.8, zorder=5)
         if k < _MOST_LABELS:
-            axes.annotate(
-                str(way.number),
-                way.xy_m[-1],
-                xytext=(5, 3),
-                textcoords="offset points",
-                fontsize=style.SMALL,
-                color=style.INK,
-                path_effects=style.halo(2.0, "#FFFFFF"),
-                zorder=9,
-            )
+            look: dict[str, Any] = {"path_effects": style.halo(2.0, "#FFFFFF"), "zorder": 9}
+            style.label(axes, str(way.number), way.xy_m[-1], (5, 3), color=style.INK, **look)
     handles = []
     if several:
         label = f"{len(several)} seen by several cameras"

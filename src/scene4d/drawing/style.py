@@ -32,6 +32,7 @@ _DPI = 140
 WIDTH_IN, MAX_HEIGHT_IN = 9.0, 8.2
 SMALL, NORMAL = 7.5, 9.0
 _MAX_SIDE_PX = 1920
+_MOST_COLUMNS = 4  # of a legend
 
 
 def halo(width: float = 2.0, colour: str = "#14181D") -> list[Any]:
@@ -176,27 +177,19 @@ def picture(
     return fig, axes, strip_in / 2
 
 
-def legend_below(
-    fig: Figure,
-    handles: Sequence[Any],
-    middle_in: float,
-    *,
-    columns: int = 4,
-    size: float = NORMAL,
-) -> None:
+def legend_below(fig: Figure, handles: Sequence[Any], middle_in: float) -> None:
     """A legend below the picture, where it hides nothing: as many columns as fit the width.
 
-    ``middle_in`` is the height of its middle above the figure's lower edge, in inches, ``columns``
-    the most there may be, ``size`` that of the letters in points.
+    ``middle_in`` is the height of its middle above the figure's lower edge, in inches.
     """
-    for number in range(min(columns, len(handles)), 0, -1):
+    for number in range(min(_MOST_COLUMNS, len(handles)), 0, -1):
         legend = fig.legend(
             handles=list(handles),
             loc="center",
             bbox_to_anchor=(0.5, middle_in / float(fig.get_size_inches()[1])),
             ncol=number,
             frameon=False,
-            fontsize=size,
+            fontsize=NORMAL,
             labelcolor=INK,
             handlelength=1.8,
             columnspacing=2.0,
@@ -204,6 +197,25 @@ def legend_below(
         if number == 1 or legend.get_window_extent().width < 0.98 * fig.bbox.width:
             return
         legend.remove()
+
+
+def label(
+    axes: Axes,
+    text: str,
+    at: np.ndarray,
+    away_pt: tuple[float | int, float | int] = (0, 0),
+    **look: Any,
+) -> None:
+    """A white small text, or as ``look`` says, so far from a place of the axes."""
+    style: dict[str, Any] = {"fontsize": SMALL, "color": "white"} | look
+    place = float(at[0]), float(at[1])
+    axes.annotate(text, place, xytext=away_pt, textcoords="offset points", **style)
+
+
+def boxed() -> dict[str, Any]:
+    """The look of a bold label in a dark box."""
+    box = {"boxstyle": "round,pad=0.18", "fc": INK, "ec": "none", "alpha": 0.72}
+    return {"va": "center", "fontsize": NORMAL, "fontweight": "bold", "bbox": box, "zorder": 6}
 
 
 def scatter(axes: Axes, uv: np.ndarray, **options: Any) -> None:

@@ -1,19 +1,48 @@
 """Numbers in text files: tables with the line of each row, and single matrices."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from scene4d.core.errors import InputError
 from scene4d.core.files import read_json
-from scene4d.core.text import floats, quoted, read_text
+from scene4d.core.text import floats, in_file, quoted, read_text
 
 _SEPARATORS = re.compile(r"[\s,;]+")
 _LARGEST_INTEGER = 2.0**53  # beyond it, not every whole number is a float
+
+
+@contextmanager
+def sane_numbers(path: Path, kind: str) -> Iterator[None]:
+    """Errors of what is read in the block name the file, also where its numbers overflow."""
+    try:
+        with in_file(path), np.errstate(over="raise", invalid="raise", divide="raise"):
+            yield
+    except (ArithmeticError, np.linalg.LinAlgError) as error:
+        raise InputError(f"{path}: its numbers are too large or too small for a {kind}") from error
+
+
+def lines_of(text: str, comments: tuple[str, ...] = ()) -> Iterator[tuple[str, str]]:
+    """Where each line is, as ``line 3``, and the line, but blank ones and ``comments``."""
+    for number, line in enumerate(text.splitlines(), start=1):
+        if line.strip() and not line.lstrip().startswith(comments):
+            yield f"line {number}", line
+
+
+def check_rows(
+    good: Bool[np.ndarray, "n"], where: Sequence[str], wrong: Callable[[int], str]
+) -> None:
+    """Raise :class:`InputError` that says where the first row is that is not ``good``, and what is
+    ``wrong`` there.
+    """
+    if not good.all():
+        first = int(np.argmin(good))
+        raise InputError(f"{where[first]}: {wrong(first)}")
 
 
 def numeric_table(text: str, least_columns: int) -> tuple[Float[np.ndarray, "n c"], list[str]]:
@@ -58,9 +87,7 @@ def whole(values: Float[np.ndarray, "n"], name: str, where: Sequence[str]) -> In
     """
     good = np.isfinite(values) & (np.abs(values) < _LARGEST_INTEGER)
     good &= np.where(good, np.floor(values) == values, False)
-    if not good.all():
-        first = int(np.argmin(good))
-        raise InputError(f"{where[first]}: {name} must be a whole number, found {values[first]:g}")
+    check_rows(good, where, lambda row: f"{name} must be a whole number, found {values[row]:g}")
     return values.astype(np.int64)
 
 

@@ -34,7 +34,7 @@ from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.files import read_json
 from scene4d.core.json_object import JsonObject
-from scene4d.core.text import prefixed, read_text
+from scene4d.core.text import in_file, read_text
 from scene4d.formats.cameras import read_camera
 from scene4d.formats.scenes._geo import earth_metres
 
@@ -79,7 +79,7 @@ def read_anchors(path: str | os.PathLike[str]) -> Anchors:
     :class:`UnavailableError` for longitudes and latitudes without pyproj.
     """
     path = Path(path)
-    try:
+    with in_file(path):
         if path.suffix.lower() == ".csv":
             return _of_points(_csv_points(path))
         values = read_json(path) if path.suffix.lower() in (".json", ".geojson") else None
@@ -88,8 +88,6 @@ def read_anchors(path: str | os.PathLike[str]) -> Anchors:
         if isinstance(values, dict) and values.get("type") in _GEOJSON:
             return _of_lines(_lines(JsonObject(values, os.fspath(path))))
         return Anchors("cameras", known={path.stem: _known(path)})
-    except InputError as error:
-        raise prefixed(error, path) from None
 
 
 def _of_json(said: JsonObject, path: Path) -> Anchors:

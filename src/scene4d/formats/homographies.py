@@ -14,14 +14,20 @@ import json
 import os
 from pathlib import Path
 
-import numpy as np
-
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.ground_map import GroundMap
-from scene4d.core.text import head_text, prefixed
+from scene4d.core.text import head_text, in_file
 from scene4d.formats._choosing import names, recognised
-from scene4d.formats._numbers import all_numbers, flat, is_json, matrix_fields, read_matrix, words
+from scene4d.formats._numbers import (
+    all_numbers,
+    flat,
+    is_json,
+    matrix_fields,
+    read_matrix,
+    sane_numbers,
+    words,
+)
 from scene4d.formats.cameras import camera_formats, read_camera
 
 _LARGEST = 1 << 16
@@ -40,13 +46,8 @@ def read_ground_map(path: str | os.PathLike[str], *, image_size: tuple[int, int]
     another count of numbers, and for a matrix that :class:`GroundMap` refuses.
     """
     path = Path(path)
-    try:
-        with np.errstate(over="raise", invalid="raise", divide="raise"):
-            return GroundMap(image_size, read_matrix(path, 3, 3, "homography"))
-    except InputError as error:
-        raise prefixed(error, path) from error
-    except (ArithmeticError, np.linalg.LinAlgError) as error:
-        raise InputError(f"{path}: its numbers are too large or too small for a map") from error
+    with sane_numbers(path, "map"):
+        return GroundMap(image_size, read_matrix(path, 3, 3, "homography"))
 
 
 def read_reference(
@@ -59,10 +60,8 @@ def read_reference(
     :func:`~scene4d.formats.cameras.read_camera`.
     """
     path = Path(path)
-    try:
+    with in_file(path):
         head = head_text(path, _LARGEST)
-    except InputError as error:
-        raise prefixed(error, path) from error
     if _looks_like_homography(head):
         if image_size is None:
             raise InputError(

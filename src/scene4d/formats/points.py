@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float
 
 from scene4d.core.errors import InputError
 from scene4d.core.tables import read_table
-from scene4d.core.text import head_text, prefixed, quoted, read_text
+from scene4d.core.text import head_text, in_file, quoted, read_text
 from scene4d.formats._choosing import names, recognised
 from scene4d.formats._numbers import all_numbers, numeric_table
 from scene4d.formats.annotations import annotation_formats, read_annotations
@@ -35,7 +35,7 @@ def read_points(
     none of the three.
     """
     path = Path(path)
-    try:
+    with in_file(path):
         head = head_text(path)
         if path.suffix.lower() == ".parquet" or head.startswith("PAR1"):
             return _inlier_feet(path, image_size)
@@ -48,8 +48,6 @@ def read_points(
                 f"({names(annotation_formats())})"
             )
         return _annotated_feet(path, image_size)
-    except InputError as error:
-        raise prefixed(error, path) from error
 
 
 def _first_row(text: str) -> tuple[int, list[str]]:

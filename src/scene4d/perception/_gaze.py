@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from scene4d.perception._canvas import Canvas, merged
 from scene4d.perception._changes import areas
+from scene4d.perception._duplicates import boxes_of
 from scene4d.perception._known import TWICE_IOU, Known
 from scene4d.perception._scene import EARLY_S, MOVED_S, Region, Scene
 from scene4d.perception.detectors._base import Detector
@@ -193,8 +194,7 @@ class Gaze:
         names = found.data.get("class_name", ["person"] * len(found))
         self._names += sorted(set(map(str, names)) - set(self._names))
         label = np.array([self._names.index(str(name)) for name in names], np.int64)
-        score = np.ones(len(found)) if found.confidence is None else found.confidence
-        return Boxes(np.asarray(found.xyxy, float), np.asarray(score, float), label)
+        return Boxes(*boxes_of(found), label)
 
     def _new(self, found: Boxes, origin: np.ndarray) -> Known:
         """What was found now; known things keep their numbers, and the box of one

@@ -27,15 +27,15 @@ _STD_RGB = np.array([58.395, 57.12, 57.375], np.float32)
 
 
 def crop_transforms(
-    box_xyxy: Float[np.ndarray, "n 4"], input_size: tuple[int, int] = INPUT_SIZE
+    box_xyxy: Float[np.ndarray, "n 4"],
 ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 2"]]:
     """Scale (n,) and shift (n, 2) with ``input_px = scale * image_px + shift``, for every box.
 
     Both axes have one scale: the box is extended, never squeezed, to the input's aspect ratio.
-    Pixel centres are at integers in both images; the middle of the box maps to ``input_size / 2``,
+    Pixel centres are at integers in both images; the middle of the box maps to ``INPUT_SIZE / 2``,
     as in training.
     """
-    width, height = input_size
+    width, height = INPUT_SIZE
     centre = (box_xyxy[:, :2] + box_xyxy[:, 2:]) / 2
     size = np.maximum(box_xyxy[:, 2:] - box_xyxy[:, :2], 1.0) * _PADDING
     scale = 1 / np.maximum(size[:, 0] / width, size[:, 1] / height)

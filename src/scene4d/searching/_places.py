@@ -18,7 +18,7 @@ from jaxtyping import Float
 
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
-from scene4d.core.text import nearest, prefixed, quoted
+from scene4d.core.text import in_file, nearest, quoted
 from scene4d.searching.predicates._zones import check_place
 from scene4d.store.site import Site
 
@@ -96,13 +96,11 @@ def read_places(path: Path, cameras: Collection[str] | None) -> Places:
     """
     values = JsonObject.read(path)
     is_geojson = values.value("type") in ("FeatureCollection", "Feature")
-    try:
+    with in_file(path):
         found = tuple(_of_geojson(values) if is_geojson else _of_plain(values))
         for place in found:
             _check(place, cameras)
         _check_names(found)
-    except InputError as error:
-        raise prefixed(error, path) from None
     if not found:
         raise InputError(f"{path}: holds no zone and no line")
     return Places(found)

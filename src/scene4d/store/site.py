@@ -22,7 +22,7 @@ from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.placement import Placement
-from scene4d.core.text import prefixed
+from scene4d.core.text import in_file
 from scene4d.core.tracks import Tracks
 from scene4d.store._question import Question, check_range, check_there
 from scene4d.store.fusing import fused
@@ -359,10 +359,8 @@ def clock_s(run: Run, start_ns: int | None) -> float:
 def _runs_of(scene: Scene, one: SiteCamera) -> Scene:
     """The runs of a scene that a site holds."""
     there = [run.run for run in scene.runs if run.camera == one.name]
-    try:
+    with in_file(one.scene):
         check_there(one.runs, there, "run")
-    except InputError as error:
-        raise prefixed(error, one.scene) from None
     return scene.only(*one.runs)
 
 

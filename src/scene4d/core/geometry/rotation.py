@@ -10,6 +10,7 @@ from jaxtyping import Float
 R_OVERHEAD: Float[np.ndarray, "3 3"] = np.diag([1.0, -1.0, -1.0])
 """``cam_from_world`` of a camera that looks straight down, image top towards +Y."""
 R_OVERHEAD.setflags(write=False)
+_TOLERANCE = 1e-4
 
 
 def rotation_from_tilt_roll(tilt_rad: float, roll_rad: float = 0.0) -> Float[np.ndarray, "3 3"]:
@@ -35,12 +36,12 @@ def tilt_roll_from_rotation(R: Float[np.ndarray, "3 3"]) -> tuple[float, float]:
     return float(np.arcsin(np.clip(-up[2], -1.0, 1.0))), float(np.arctan2(up[0], -up[1]))
 
 
-def is_rotation(R: np.ndarray, tolerance: float = 1e-4) -> bool:
-    """Whether ``R`` is a proper 3x3 rotation within ``tolerance`` (Frobenius)."""
+def is_rotation(R: np.ndarray) -> bool:
+    """Whether ``R`` is a proper 3x3 rotation within rounding (1e-4, Frobenius)."""
     return (
         R.shape == (3, 3)
-        and bool(np.all(np.abs(R) < 1 + tolerance))
-        and bool(np.linalg.norm(R @ R.T - np.eye(3)) < tolerance)
+        and bool(np.all(np.abs(R) < 1 + _TOLERANCE))
+        and bool(np.linalg.norm(R @ R.T - np.eye(3)) < _TOLERANCE)
         and bool(np.linalg.det(R) > 0)
     )
 

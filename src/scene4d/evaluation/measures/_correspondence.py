@@ -7,6 +7,7 @@ from jaxtyping import Float, Int
 
 from scene4d.core.errors import InputError
 from scene4d.core.geometry import rigid_fit
+from scene4d.drawing.ground import spread
 
 POINTS = 12
 """Number of correspondence points, chosen by hand: about as many as a figure can show."""
@@ -37,18 +38,16 @@ class CorrespondenceError:
 
 
 def spread_points(xy_m: Float[np.ndarray, "n 2"], count: int = POINTS) -> Int[np.ndarray, "k"]:
-    """Rows of ``count`` points spread over the set by farthest-point sampling (Gonzalez 1985).
-
-    Starts from the point farthest from the mean; raises :class:`InputError` below ``count``.
+    """Rows of ``count`` points that differ, spread over the set (:func:`.spread`) from the one
+    farthest from the mean; raises :class:`InputError` where there are fewer.
     """
-    if len(xy_m) < count:
-        raise InputError(f"{count} spread points were asked for, and only {len(xy_m)} are there")
-    chosen = [int(np.argmax(np.linalg.norm(xy_m - xy_m.mean(axis=0), axis=1)))]
-    nearest = np.linalg.norm(xy_m - xy_m[chosen[0]], axis=1)
-    while len(chosen) < count:
-        chosen.append(int(np.argmax(nearest)))
-        nearest = np.minimum(nearest, np.linalg.norm(xy_m - xy_m[chosen[-1]], axis=1))
-    return np.array(chosen)
+    rows = np.empty(0, int)
+    if len(xy_m):
+        first = int(np.argmax(np.linalg.norm(xy_m - xy_m.mean(axis=0), axis=1)))
+        rows = spread(xy_m, count, first)
+    if len(rows) < count:
+        raise InputError(f"{count} spread points were asked for, and only {len(rows)} are there")
+    return rows
 
 
 def correspondence_error(

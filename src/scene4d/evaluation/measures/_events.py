@@ -15,6 +15,8 @@ OVERLAP_SHARE = 0.5
 """Of a label that is shorter than :data:`OVERLAP_S` this share is enough (NIST, ActEV SDL V2)."""
 _ROUNDING_S = 1e-9
 """Frame times are decimal fractions: an overlap may fall short of the rule by rounding."""
+_DRAWS = 400
+"""Of clips, for an interval."""
 
 
 def may_match(
@@ -217,9 +219,7 @@ def ranked_clips(clips: Sequence[ClipEvents], rule: Rule) -> list[Ranked]:
     return out
 
 
-def precision_interval(
-    clips: Sequence[Ranked], draws: int = 400, seed: int = 0
-) -> tuple[float, float] | None:
+def precision_interval(clips: Sequence[Ranked], seed: int = 0) -> tuple[float, float] | None:
     """95 % of the average precision over clips drawn with replacement (Efron 1979, percentiles).
 
     Draws without a label are left out; None where nothing is labelled.
@@ -228,7 +228,7 @@ def precision_interval(
     if not pooled.labels:
         return None
     share = np.full(len(clips), 1 / len(clips))
-    often = np.random.default_rng(seed).multinomial(len(clips), share, size=draws)
+    often = np.random.default_rng(seed).multinomial(len(clips), share, size=_DRAWS)
     labels = often @ np.array([clip.labels for clip in clips])
     often, labels = often[labels > 0], labels[labels > 0]
     weight = np.repeat(often, [len(clip.score) for clip in clips], axis=1).astype(float)

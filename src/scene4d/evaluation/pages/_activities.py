@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-from scene4d.drawing.page import Shown, data_uri, rendered, seconds_text
+from scene4d.drawing.page import as_shown, made_by, rendered, seconds_text
 from scene4d.drawing.style import Drawn
 from scene4d.drawing.words import number
 from scene4d.evaluation.measures._events import NIST, RULES
@@ -197,41 +197,28 @@ def render_activities(
     evaluation: ActivityEvaluation, pictures: Mapping[str, Drawn], *, command: str | None
 ) -> str:
     """The page as HTML, with the ``pictures`` (``det``) inside it."""
-    figures = {
-        name: Shown(
-            name,
-            data_uri(picture.page_png),
-            "DET curves of every activity, one panel each, for all methods.",
-            "Share of the labelled events that is missed, over false alarms per minute of footage "
-            "(logarithmic), as the threshold falls; the number of labels is in brackets. Broken "
-            "vertical lines: "
-            + " and ".join(f"{rate:g}" for rate in sorted(FALSE_PER_MINUTE))
-            + " a minute. Where a curve stays level at its end nothing more was found.",
-            picture.legend,
-        )
-        for name, picture in pictures.items()
-    }
+    rates = " and ".join(f"{rate:g}" for rate in sorted(FALSE_PER_MINUTE))
+    alt = "DET curves of every activity, one panel each, for all methods."
+    caption = (
+        "Share of the labelled events that is missed, over false alarms per minute of footage "
+        "(logarithmic), as the threshold falls; the number of labels is in brackets. Broken "
+        f"vertical lines: {rates} a minute. Where a curve stays level at its end nothing more was "
+        "found."
+    )
     values: dict[str, Any] = {
         "title": f"{evaluation.name.upper()}: activities on cameras "
         f"{' and '.join(evaluation.reported)}",
         "verdict": verdict(evaluation),
         "sheets": sheets(evaluation),
         "notes": evaluation.notes,
-        "figures": figures,
-        "provenance": _provenance(evaluation, command),
+        "figures": as_shown(pictures, lambda _: alt, lambda _: caption),
+        "provenance": [
+            ("Data set", evaluation.name),
+            ("Cameras reported", ", ".join(evaluation.reported)),
+            ("Cameras tuned on", ", ".join(evaluation.tuned)),
+            ("Clips", f"{evaluation.clips}, {number(evaluation.minutes, 0)} minutes"),
+            *made_by(command),
+        ],
         "timings": [(name, seconds_text(s)) for name, s in evaluation.timings.items()],
     }
     return rendered("scene4d.evaluation.pages", "activities.html.j2", values)
-
-
-def _provenance(evaluation: ActivityEvaluation, command: str | None) -> list[tuple[str, str]]:
-    from importlib.metadata import version
-
-    rows = [
-        ("Data set", evaluation.name),
-        ("Cameras reported", ", ".join(evaluation.reported)),
-        ("Cameras tuned on", ", ".join(evaluation.tuned)),
-        ("Clips", f"{evaluation.clips}, {number(evaluation.minutes, 0)} minutes"),
-        ("scene4d", version("scene4d")),
-    ]
-    return rows if command is None else [*rows, ("Command", command)]

@@ -132,20 +132,11 @@ def _numbered(axes: Axes, uv: Float[np.ndarray, "k 2"]) -> Line2D:
     marks: dict[str, Any] = {"c": TRUE_COLOUR, "linewidths": 1.1, "edgecolors": style.INK}
     style.scatter(axes, uv, s=52, marker="o", zorder=6, clip_on=False, **marks)
     for name, offset in enumerate(_offsets(axes, uv), start=1):
-        axes.annotate(
-            str(name),
-            tuple(uv[name - 1]),
-            xytext=tuple(offset),
-            textcoords="offset points",
-            ha="center",
-            va="center",
-            fontsize=_LABEL_PT,
-            fontweight="bold",
-            color="white",
-            bbox={"boxstyle": "round,pad=0.16", "fc": style.INK, "ec": "none", "alpha": 0.82},
-            arrowprops={"arrowstyle": "-", "color": style.INK, "lw": 1.0, "shrinkB": 3},
-            zorder=7,
-        )
+        look: dict[str, Any] = {"ha": "center", "va": "center", "zorder": 7}
+        look |= {"fontsize": _LABEL_PT, "fontweight": "bold"}
+        look["bbox"] = {"boxstyle": "round,pad=0.16", "fc": style.INK, "ec": "none", "alpha": 0.82}
+        look["arrowprops"] = {"arrowstyle": "-", "color": style.INK, "lw": 1.0, "shrinkB": 3}
+        style.label(axes, str(name), uv[name - 1], tuple(offset), **look)
     return Line2D(
         [], [], ls="", marker="o", ms=7, c=TRUE_COLOUR, mec=style.INK, label="measured points"
     )
@@ -195,20 +186,8 @@ def draw_alignment(shown: tuple[Headline, ...]) -> style.Drawn:
     """True and estimated points from above, to scale, after the paper's rigid alignment."""
     true = shown[0].score.error.true_xy_m
     axes = _from_above(_area(np.concatenate([true, *(s.score.error.aligned_xy_m for s in shown)])))
-    handles = [
-        Line2D(
-            [],
-            [],
-            ls="",
-            marker="o",
-            ms=8,
-            mfc="none",
-            mec=style.AXIS,
-            c=style.AXIS,
-            mew=1.4,
-            label="truth",
-        )
-    ]
+    ring: dict[str, Any] = {"marker": "o", "mfc": "none", "mec": style.AXIS, "c": style.AXIS}
+    handles = [Line2D([], [], ls="", ms=8, mew=1.4, label="truth", **ring)]
     for s in shown:
         pairs = np.stack([s.score.error.true_xy_m, s.score.error.aligned_xy_m], axis=1)
         axes.add_collection(LineCollection(list(pairs), colors=s.colour, linewidths=2.2, zorder=3))
@@ -219,10 +198,8 @@ def draw_alignment(shown: tuple[Headline, ...]) -> style.Drawn:
         handles.append(Line2D([], [], label=label, lw=2.2, **look))
     style.scatter(axes, true, s=70, facecolors="none", edgecolors=style.AXIS, lw=1.4, zorder=4)
     for name, offset in enumerate(_offsets(axes, true), start=1):
-        axes.annotate(
-            str(name), tuple(true[name - 1]), xytext=tuple(offset), textcoords="offset points",
-            ha="center", va="center", fontsize=charts.TEXT, color=style.AXIS, zorder=6,
-        )  # fmt: skip
+        look = {"ha": "center", "va": "center", "fontsize": charts.TEXT, "color": style.AXIS}
+        style.label(axes, str(name), true[name - 1], tuple(offset), zorder=6, **look)
     fig = axes.get_figure(root=True)
     assert fig is not None
     return style.drawn(fig, handles, 0.3)
@@ -231,11 +208,8 @@ def draw_alignment(shown: tuple[Headline, ...]) -> style.Drawn:
 def _area(xy: np.ndarray) -> Area:
     low, high = xy.min(axis=0), xy.max(axis=0)
     room = max(0.08 * float((high - low).max()), 0.5)
-    x0, y0 = low - room
-    x1, y1 = high + room
-    deepen = max(0.0, 0.45 * (x1 - x0) - (y1 - y0)) / 2
-    widen = max(0.0, 0.6 * (y1 - y0) - (x1 - x0)) / 2
-    return Area(float(x0 - widen), float(x1 + widen), float(y0 - deepen), float(y1 + deepen))
+    (x0, y0), (x1, y1) = (low - room).tolist(), (high + room).tolist()
+    return Area(x0, x1, y0, y1).shaped(0.6, 0.45)
 
 
 def _from_above(area: Area) -> Axes:

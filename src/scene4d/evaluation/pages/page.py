@@ -8,7 +8,7 @@ from scene4d.core.camera import Camera
 from scene4d.core.files import write_bytes, write_json
 from scene4d.core.progress import Progress
 from scene4d.core.staging import ensure_folder, staged
-from scene4d.drawing.page import Shown, data_uri, rendered
+from scene4d.drawing.page import as_shown, made_by, rendered
 from scene4d.drawing.style import Drawn
 from scene4d.drawing.words import number
 from scene4d.evaluation.pages._activities import render_activities
@@ -98,16 +98,6 @@ def render_evaluation(
     evaluation: Evaluation, pictures: Mapping[str, Drawn], *, command: str | None
 ) -> str:
     """The page as HTML, with the ``pictures`` (of :func:`draw_evaluation`) inside it."""
-    figures = {
-        name: Shown(
-            name,
-            data_uri(picture.page_png),
-            alternative(name),
-            caption(name, evaluation),
-            picture.legend,
-        )
-        for name, picture in pictures.items()
-    }
     values: dict[str, Any] = {
         "title": _TITLES.get(evaluation.name, evaluation.reference.name),
         "verdict": verdict(evaluation),
@@ -116,7 +106,7 @@ def render_evaluation(
         "notes": [*evaluation.notes, *_missing(evaluation)],
         "rule": RULE if headlines(evaluation) and len(evaluation.settings()) > 1 else "",
         "headings": HEADINGS,
-        "figures": figures,
+        "figures": as_shown(pictures, alternative, lambda name: caption(name, evaluation)),
         "has_camera": isinstance(evaluation.reference.truth, Camera),
         "provenance": _provenance(evaluation, command),
         "timings": [],
@@ -139,12 +129,10 @@ def _missing(evaluation: Evaluation) -> list[str]:
 
 
 def _provenance(evaluation: Evaluation, command: str | None) -> list[tuple[str, str]]:
-    from importlib.metadata import version
-
     reference = evaluation.reference
     width, height = reference.image_size
     kind = "camera" if isinstance(reference.truth, Camera) else "homography of the ground"
-    rows = [
+    return [
         ("Data set", evaluation.name),
         ("Reference", f"{reference.name}: {kind}"),
         ("Image size", f"{width} × {height} pixels"),
@@ -155,6 +143,5 @@ def _provenance(evaluation: Evaluation, command: str | None) -> list[tuple[str, 
             "Paper",
             "Wagner, Crispell, Feeney, Mundy (2019), 4-D Scene Alignment in Surveillance Video",
         ),
-        ("scene4d", version("scene4d")),
+        *made_by(command),
     ]
-    return rows if command is None else [*rows, ("Command", command)]

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.lines import Line2D
 
 from scene4d.drawing import style
-from scene4d.drawing.page import Shown, data_uri, rendered
+from scene4d.drawing.page import as_shown, made_by, rendered
 from scene4d.drawing.site_map import draw_site_map
 from scene4d.evaluation.trials.sites import SiteEvaluation
 
@@ -107,12 +107,6 @@ def render_site(
     evaluation: SiteEvaluation, pictures: Mapping[str, style.Drawn], *, command: str | None
 ) -> str:
     """The page as HTML, with the ``pictures`` inside it."""
-    figures = {
-        name: Shown(
-            name, data_uri(picture.page_png), _HEADINGS[name], _CAPTIONS[name], picture.legend
-        )
-        for name, picture in pictures.items()
-    }
     values: dict[str, Any] = {
         "title": evaluation.name,
         "verdict": site_verdict(evaluation),
@@ -120,19 +114,12 @@ def render_site(
         "lines": site_lines(evaluation),
         "facts": site_facts(evaluation),
         "headings": _HEADINGS,
-        "figures": figures,
-        "provenance": _provenance(evaluation, command),
+        "figures": as_shown(pictures, _HEADINGS.__getitem__, _CAPTIONS.__getitem__),
+        "provenance": [
+            ("Cameras", ", ".join(evaluation.site.placements)),
+            ("True cameras", ", ".join(evaluation.true)),
+            *made_by(command),
+        ],
         "timings": [],
     }
     return rendered("scene4d.evaluation.pages", "site.html.j2", values)
-
-
-def _provenance(evaluation: SiteEvaluation, command: str | None) -> list[tuple[str, str]]:
-    from importlib.metadata import version
-
-    rows = [
-        ("Cameras", ", ".join(evaluation.site.placements)),
-        ("True cameras", ", ".join(evaluation.true)),
-        ("scene4d", version("scene4d")),
-    ]
-    return rows if command is None else [*rows, ("Command", command)]

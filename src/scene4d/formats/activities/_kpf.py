@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from scene4d.core.errors import InputError
-from scene4d.core.text import prefixed, quoted, read_text
+from scene4d.core.text import in_file, quoted, read_text
 from scene4d.core.yaml_text import load_yaml
+from scene4d.formats._numbers import lines_of
 
 
 @dataclass(frozen=True)
@@ -33,25 +34,21 @@ def read_activities(path: str | os.PathLike[str]) -> tuple[LabelledActivity, ...
     """
     path = Path(path)
     found = []
-    try:
-        for number, line in enumerate(read_text(path).splitlines(), start=1):
-            if not line.strip() or line.lstrip().startswith(("#", "---")):
-                continue
-            packet = _packet(line, number)
+    with in_file(path):
+        for where, line in lines_of(read_text(path), ("#", "---")):
+            packet = _packet(line, where)
             if "act" in packet:
-                found.append(_activity(packet["act"], f"line {number}"))
-    except InputError as error:
-        raise prefixed(error, path) from error
+                found.append(_activity(packet["act"], where))
     return tuple(found)
 
 
-def _packet(line: str, number: int) -> dict[str, Any]:
+def _packet(line: str, where: str) -> dict[str, Any]:
     try:
         packets = load_yaml(line)
     except InputError:
         packets = None
     if not (isinstance(packets, list) and len(packets) == 1 and isinstance(packets[0], dict)):
-        raise InputError(f"line {number}: expected one KPF packet, found {quoted(line.strip())}")
+        raise InputError(f"{where}: expected one KPF packet, found {quoted(line.strip())}")
     return packets[0]
 
 

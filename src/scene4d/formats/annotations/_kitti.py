@@ -14,7 +14,7 @@ import numpy as np
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.text import floats, quoted, read_text
-from scene4d.formats._numbers import whole
+from scene4d.formats._numbers import lines_of, whole
 from scene4d.formats.annotations._contract import AnnotationFormat, Rows
 
 _CLASSES = {
@@ -33,18 +33,18 @@ def _sniff(path: Path, head: str) -> bool:
 
 def _read(path: Path, image_size: tuple[int, int]) -> Rows:
     where, names, rows = [], [], []
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
+    for at, line in lines_of(read_text(path)):
         words = line.split()
-        if not words or words[_TYPE : _TYPE + 1] == [_IGNORED]:
+        if words[_TYPE : _TYPE + 1] == [_IGNORED]:
             continue
         if len(words) not in (17, 18) or words[_TYPE] not in _CLASSES:
             raise InputError(
-                f"line {number}: expected 17 or 18 words, the third one of {', '.join(_CLASSES)}, "
+                f"{at}: expected 17 or 18 words, the third one of {', '.join(_CLASSES)}, "
                 f"found {quoted(line)}"
             )
-        where.append(f"line {number}")
+        where.append(at)
         names.append(_CLASSES[words.pop(_TYPE)])
-        rows.append(floats([*words, "1"][:17], where[-1]))
+        rows.append(floats([*words, "1"][:17], at))
     table = np.array(rows).reshape(-1, 17)
     found = Detections.from_boxes(
         image_size,

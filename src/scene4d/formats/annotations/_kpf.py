@@ -13,7 +13,7 @@ import numpy as np
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.text import floats, quoted, read_text
-from scene4d.formats._numbers import all_numbers
+from scene4d.formats._numbers import all_numbers, lines_of
 from scene4d.formats.annotations._contract import AnnotationFormat, Rows
 
 _PACKET = re.compile(r"""^\s*-\s*\{\s*['"]?(\w+)['"]?\s*:""")
@@ -29,26 +29,22 @@ def _sniff(path: Path, head: str) -> bool:
     return path.name.endswith(_GEOM) or re.search(r"\bg0['\"]?\s*:", head) is not None
 
 
-def _packets(text: str, kind: str) -> list[tuple[int, str]]:
-    """The numbered lines that hold a packet of this kind; ``meta`` and comments are let pass."""
+def _packets(text: str, kind: str) -> list[tuple[str, str]]:
+    """The lines that hold a packet of this kind; ``meta`` and comments are let pass."""
     found = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not line.strip() or line.lstrip().startswith(("#", "---")):
-            continue
+    for where, line in lines_of(text, ("#", "---")):
         packet = _PACKET.match(line)
         if packet is None:
-            raise InputError(
-                f"line {number}: expected one KPF packet, found {quoted(line.strip())}"
-            )
+            raise InputError(f"{where}: expected one KPF packet, found {quoted(line.strip())}")
         if packet[1] == kind:
-            found.append((number, line))
+            found.append((where, line))
     return found
 
 
-def _match(pattern: re.Pattern[str], field: str, number: int, line: str) -> str:
+def _match(pattern: re.Pattern[str], field: str, where: str, line: str) -> str:
     match = pattern.search(line)
     if match is None:
-        raise InputError(f"line {number}: field {field!r} is missing or is no number")
+        raise InputError(f"{where}: field {field!r} is missing or is no number")
     return match[1]
 
 
@@ -57,14 +53,14 @@ def _types(path: Path) -> dict[int, str]:
     if not path.is_file():
         raise InputError(f"the classes of its tracks are missing: expected {path.name} beside it")
     classes = {}
-    for number, line in _packets(read_text(path), "types"):
-        found = _CLASS.findall(_match(_CLASSES, "cset3", number, line))
-        where = f"{path.name} line {number}"
+    for at, line in _packets(read_text(path), "types"):
+        found = _CLASS.findall(_match(_CLASSES, "cset3", at, line))
+        where = f"{path.name} {at}"
         if not found:
             raise InputError(f"{where}: no class in 'cset3'")
         names, scores = zip(*found, strict=True)
         best = int(np.argmax(floats(scores, f"{where}: field 'cset3'")))
-        classes[int(_match(_TRACK, "id1", number, line))] = names[best]
+        classes[int(_match(_TRACK, "id1", at, line))] = names[best]
     return classes
 
 
@@ -80,7 +76,7 @@ def _corners(text: str, where: str) -> np.ndarray:
 def _read(path: Path, image_size: tuple[int, int]) -> Rows:
     packets = _packets(read_text(path), "geom")
     names = _types(path.with_name(path.name.removesuffix(_GEOM) + _TYPES))
-    where = [f"line {number}" for number, _ in packets]
+    where = [at for at, _ in packets]
     boxes = [_corners(_match(_BOX, "g0", *p), at) for p, at in zip(packets, where, strict=True)]
     track = [int(_match(_TRACK, "id1", *p)) for p in packets]
     unknown = next((i for i, t in enumerate(track) if t not in names), None)

@@ -13,10 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.text import read_text
-from scene4d.formats._numbers import numeric_table, whole
+from scene4d.formats._numbers import check_rows, numeric_table, whole
 from scene4d.formats.annotations._contract import AnnotationFormat, Rows
 
 # Milan et al. (2016), MOT16, table of classes; the first ones under the names of COCO.
@@ -34,12 +33,9 @@ def _sniff(path: Path, head: str) -> bool:
 
 
 def _class_names(codes: np.ndarray, where: list[str]) -> np.ndarray:
-    bad = (codes < 1) | (codes > len(_CLASSES))
-    if bad.any():
-        first = int(np.argmax(bad))
-        raise InputError(
-            f"{where[first]}: class must be 1 to {len(_CLASSES)}, found {codes[first]}"
-        )
+    good = (codes >= 1) & (codes <= len(_CLASSES))
+    last = len(_CLASSES)
+    check_rows(good, where, lambda row: f"class must be 1 to {last}, found {codes[row]}")
     return np.array(_CLASSES)[codes - 1]
 
 
@@ -51,13 +47,10 @@ def _read(path: Path, image_size: tuple[int, int]) -> Rows:
         considered = table[:, 6] != 0
         table, where = table[considered], list(compress(where, considered))
     frame = whole(table[:, 0], "the frame number", where)
-    if (frame < 1).any():
-        first = int(np.argmax(frame < 1))
-        raise InputError(f"{where[first]}: frames count from 1, found {frame[first]}")
+    check_rows(frame >= 1, where, lambda row: f"frames count from 1, found {frame[row]}")
     corner = table[:, 2:4] - (1.0 if columns == 9 else 0.0)
     score = np.ones(len(table)) if truth or columns == 6 else table[:, 6]
-    if not np.isfinite(score).all():
-        raise InputError(f"{where[int(np.argmin(np.isfinite(score)))]}: confidence is not finite")
+    check_rows(np.isfinite(score), where, lambda _: "confidence is not finite")
     names = None
     if columns == 9:
         names = _class_names(whole(table[:, 7], "the class", where), where)

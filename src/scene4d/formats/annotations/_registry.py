@@ -10,27 +10,21 @@ import numpy as np
 
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
-from scene4d.core.text import prefixed
+from scene4d.core.text import in_file
 from scene4d.formats._choosing import by_name, detected
-from scene4d.formats.annotations import _coco as coco
-from scene4d.formats.annotations import _kitti as kitti
-from scene4d.formats.annotations import _kpf as kpf
-from scene4d.formats.annotations import _mot as mot
-from scene4d.formats.annotations import _pets as pets
-from scene4d.formats.annotations import _towncentre as towncentre
-from scene4d.formats.annotations import _virat as virat
+from scene4d.formats.annotations import _coco, _kitti, _kpf, _mot, _pets, _towncentre, _virat
 from scene4d.formats.annotations._contract import AnnotationFormat, Rows, first_fault
 
 # The first whose sniff agrees reads the file, so the specific stand before the general.
 _FORMATS: tuple[AnnotationFormat, ...] = (
-    coco.FORMAT,
-    pets.FORMAT,
-    kpf.FORMAT,
-    towncentre.CSV,
-    towncentre.TOP,
-    virat.FORMAT,
-    kitti.FORMAT,
-    mot.FORMAT,
+    _coco.FORMAT,
+    _pets.FORMAT,
+    _kpf.FORMAT,
+    _towncentre.CSV,
+    _towncentre.TOP,
+    _virat.FORMAT,
+    _kitti.FORMAT,
+    _mot.FORMAT,
 )
 _MOST_INVALID = 0.25
 """Share of impossible boxes above which they are not left out but the file is refused. Chosen: a
@@ -64,7 +58,7 @@ def read_annotations(
     path = Path(path)
     if fps is not None and not (np.isfinite(fps) and fps > 0):
         raise InputError(f"fps must be positive, found {fps}")
-    try:
+    with in_file(path):
         rows = _rows(path, image_size, format)
         good, fault = first_fault(rows)
         if fault is not None and not drop_invalid:
@@ -75,8 +69,6 @@ def read_annotations(
                 f"{bad} of {len(good)} boxes are impossible, so this is not the annotation of this "
                 f"footage; the first: {fault}"
             )
-    except InputError as error:
-        raise prefixed(error, path) from error
     found = rows.detections
     if fault is not None:
         count = f"{bad} of {len(good)}"

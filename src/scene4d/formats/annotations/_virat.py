@@ -18,7 +18,7 @@ import numpy as np
 from scene4d.core.errors import InputError
 from scene4d.core.people import Detections
 from scene4d.core.text import quoted, read_text
-from scene4d.formats._numbers import numeric_table, whole
+from scene4d.formats._numbers import check_rows, numeric_table, whole
 from scene4d.formats.annotations._contract import AnnotationFormat, Rows
 
 _SUFFIX = ".viratdata.objects.txt"
@@ -58,12 +58,11 @@ def _read(path: Path, image_size: tuple[int, int]) -> Rows:
     _check_layout(path, text)
     table, where = numeric_table(text, _COLUMNS)
     kind = whole(table[:, 7], "the type", where)
-    bad = (kind < 0) | (kind >= len(_CLASSES))
-    if bad.any():
-        first = int(np.argmax(bad))
-        raise InputError(
-            f"{where[first]}: the type must be 0 to {len(_CLASSES) - 1}, found {kind[first]}"
-        )
+    check_rows(
+        (kind >= 0) & (kind < len(_CLASSES)),
+        where,
+        lambda row: f"the type must be 0 to {len(_CLASSES) - 1}, found {kind[row]}",
+    )
     corner = table[:, 3:5]
     found = Detections.from_boxes(
         image_size,

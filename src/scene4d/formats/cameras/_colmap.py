@@ -18,6 +18,7 @@ from scene4d.core import geometry
 from scene4d.core.camera import Camera, Lens
 from scene4d.core.errors import InputError
 from scene4d.core.text import decimal, floats, quoted, read_text
+from scene4d.formats._numbers import lines_of
 from scene4d.formats.cameras._contract import CameraFormat, ImageSize
 from scene4d.formats.cameras._pinhole import lens_of, rotation_of_quaternion
 
@@ -58,9 +59,8 @@ def _sniff(path: Path, head: str) -> bool:
 
 def _lines(path: Path) -> Iterator[tuple[str, list[str]]]:
     """Where each line is, and its words, without comments and blank lines."""
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        if line.strip() and not line.lstrip().startswith("#"):
-            yield f"{path.name} line {number}", line.split()
+    for where, line in lines_of(read_text(path), ("#",)):
+        yield f"{path.name} {where}", line.split()
 
 
 def _lens(where: str, tokens: list[str]) -> Lens:

@@ -21,7 +21,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.text import decimal, floats, read_text
 from scene4d.formats.cameras import _fields as fields
 from scene4d.formats.cameras._contract import CameraFormat, ImageSize
-from scene4d.formats.cameras._pinhole import decompose, require_z_up, size_for
+from scene4d.formats.cameras._pinhole import decompose, size_for
 
 _CENTRED, _CORNER = "projectionMatrix_3x4", "projectionMatrix_3x4_w2p"
 _UNITS = ((0.5, 3.0, 1.0), (50.0, 300.0, 0.01), (500.0, 3000.0, 0.001))
@@ -61,7 +61,6 @@ def _read(path: Path, image_size: ImageSize | None) -> Camera:
     values = fields.yaml_fields(read_text(path))
     name, value = fields.require(values, _CORNER, _CENTRED)
     K, R, t = decompose(_matrix(name, value))
-    require_z_up(R, t)
     if name == _CENTRED:
         if image_size is None:
             raise InputError(

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from scene4d.core.errors import InputError
 from scene4d.core.text import floats, quoted
 from scene4d.core.yaml_text import load_yaml
+from scene4d.formats._numbers import flat
 
 
 def yaml_fields(text: str) -> dict[str, Any]:
@@ -49,10 +50,7 @@ def numbers(name: str, value: Any) -> Float[np.ndarray, "n"]:
         return found
     if not isinstance(value, list):
         raise InputError(f"field {name!r}: expected a list of numbers, found {quoted(value)}")
-    flat: list[object] = []
-    for item in value:
-        flat.extend(item if isinstance(item, list) else [item])
-    return floats(flat, f"field {name!r}")
+    return floats(flat(value), f"field {name!r}")
 
 
 def matrix(name: str, value: Any, rows: int, cols: int) -> np.ndarray:

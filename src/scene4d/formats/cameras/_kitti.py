@@ -14,6 +14,7 @@ import numpy as np
 from scene4d.core.camera import Lens
 from scene4d.core.errors import InputError
 from scene4d.core.text import floats, read_text
+from scene4d.formats._numbers import lines_of
 from scene4d.formats.cameras._contract import CameraFormat, ImageSize
 
 _PROJECTIONS = ("P2:", "P_rect_02:")
@@ -26,12 +27,11 @@ def _sniff(path: Path, head: str) -> bool:
 
 def _read(path: Path, image_size: ImageSize | None) -> Lens:
     K = None
-    for number, line in enumerate(read_text(path).splitlines(), start=1):
-        where = f"line {number}"
+    for where, line in lines_of(read_text(path)):
         if line.startswith(_PROJECTIONS):
-            K = _intrinsics(line.split()[1:], where)
+            K = _exactly(12, line, "the 12 numbers of a 3x4 matrix", where).reshape(3, 4)[:, :3]
         elif line.startswith(_SIZE):
-            width, height = _pair(line.split()[1:], where)
+            width, height = _exactly(2, line, "width and height", where)
             image_size = int(width), int(height)
     if K is None:
         raise InputError(f"no line begins with {' or '.join(_PROJECTIONS)}")
@@ -40,17 +40,10 @@ def _read(path: Path, image_size: ImageSize | None) -> Lens:
     return Lens(image_size, K)
 
 
-def _intrinsics(tokens: list[str], where: str) -> np.ndarray:
-    values = floats(tokens, where)
-    if len(values) != 12:
-        raise InputError(f"{where}: expected the 12 numbers of a 3x4 matrix, found {len(values)}")
-    return values.reshape(3, 4)[:, :3]
-
-
-def _pair(tokens: list[str], where: str) -> np.ndarray:
-    values = floats(tokens, where)
-    if len(values) != 2:
-        raise InputError(f"{where}: expected width and height, found {len(values)} numbers")
+def _exactly(count: int, line: str, what: str, where: str) -> np.ndarray:
+    values = floats(line.split()[1:], where)
+    if len(values) != count:
+        raise InputError(f"{where}: expected {what}, found {len(values)} numbers")
     return values
 
 

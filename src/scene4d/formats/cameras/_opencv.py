@@ -9,6 +9,7 @@ chessboard and are not read. Pixel centres lie at integers, as here.
 """
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -122,17 +123,14 @@ def _written(camera: Camera, form: str) -> str:
     return str(storage.releaseAndGetString())
 
 
-def _write_yaml(camera: Camera) -> str:
-    return _written(camera, "YAML")
-
-
-def _write_xml(camera: Camera) -> str:
-    return _written(camera, "XML")
-
-
-YAML = CameraFormat(
-    "opencv-yaml", "OpenCV FileStorage, YAML", _sniff_yaml, _read_yaml, _write_yaml, fisheye=True
-)
-XML = CameraFormat(
-    "opencv-xml", "OpenCV FileStorage, XML", _sniff_xml, _read_xml, _write_xml, fisheye=True
+YAML, XML = (
+    CameraFormat(
+        f"opencv-{form.lower()}",
+        f"OpenCV FileStorage, {form}",
+        sniff,
+        read,
+        partial(_written, form=form),
+        fisheye=True,
+    )
+    for form, sniff, read in (("YAML", _sniff_yaml, _read_yaml), ("XML", _sniff_xml, _read_xml))
 )

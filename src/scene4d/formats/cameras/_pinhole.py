@@ -98,7 +98,7 @@ def decompose(
 
     RQ decomposition (Hartley and Zisserman 2004, section 6.2.4). P is known up to a factor; its
     sign is the one that makes R a rotation, and the third row then is the depth. Raises
-    :class:`InputError` for a matrix that is no perspective camera.
+    :class:`InputError` for a matrix that is no perspective camera, and for a left-handed world.
     """
     rows = np.linalg.norm(P[:, :3], axis=1)
     degenerate = not np.isfinite(P).all() or not rows.all()
@@ -111,10 +111,11 @@ def decompose(
     sign = np.sign(np.diag(K))
     K, R = K * sign, sign[:, None] * R
     t = np.linalg.solve(K, P[:, 3])
+    _require_z_up(R, t)
     return K / K[2, 2], R, t
 
 
-def require_z_up(R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> None:
+def _require_z_up(R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> None:
     """Refuse a world that is left-handed, which a bare P can hide.
 
     P is known up to its sign, and R is made a rotation; for a left-handed world that puts the
@@ -132,5 +133,4 @@ def require_z_up(R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> None
 def camera_from_projection(P: Float[np.ndarray, "3 4"], image_size: ImageSize | None) -> Camera:
     """The camera of a bare projection matrix into pixels, without distortion."""
     K, R, t = decompose(P)
-    require_z_up(R, t)
     return Camera(image_size=size_for(K, image_size), K=K, R=R, t=t)

@@ -4,67 +4,44 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera, Lens
 from scene4d.core.errors import InputError
 from scene4d.core.files import read_json, replace_files
-from scene4d.core.text import head_text, prefixed, quoted
+from scene4d.core.text import head_text, quoted
 from scene4d.formats._choosing import by_name, detected, names
+from scene4d.formats._numbers import sane_numbers
 from scene4d.formats.cameras import (
-    _camera_json as camera_json,
-)
-from scene4d.formats.cameras import (
-    _colmap as colmap,
-)
-from scene4d.formats.cameras import (
-    _deepstream as deepstream,
-)
-from scene4d.formats.cameras import (
-    _is_msgs as is_msgs,
-)
-from scene4d.formats.cameras import (
-    _kitti as kitti,
-)
-from scene4d.formats.cameras import (
-    _krtd as krtd,
-)
-from scene4d.formats.cameras import (
-    _matrix as matrix,
-)
-from scene4d.formats.cameras import (
-    _opencv as opencv,
-)
-from scene4d.formats.cameras import (
-    _openlabel as openlabel,
-)
-from scene4d.formats.cameras import (
-    _ros as ros,
-)
-from scene4d.formats.cameras import (
-    _towncentre as towncentre,
-)
-from scene4d.formats.cameras import (
-    _tsai as tsai,
+    _camera_json,
+    _colmap,
+    _deepstream,
+    _is_msgs,
+    _kitti,
+    _krtd,
+    _matrix,
+    _opencv,
+    _openlabel,
+    _ros,
+    _towncentre,
+    _tsai,
 )
 from scene4d.formats.cameras._contract import CameraFormat, ImageSize
 
 # The first whose sniff agrees reads the file, so the specific stand before the general.
 _FORMATS: tuple[CameraFormat, ...] = (
-    openlabel.FORMAT,
-    is_msgs.FORMAT,
-    camera_json.FORMAT,
-    opencv.YAML,
-    opencv.XML,
-    krtd.FORMAT,
-    colmap.FORMAT,
-    ros.FORMAT,
-    deepstream.FORMAT,
-    tsai.FORMAT,
-    towncentre.FORMAT,
-    kitti.FORMAT,
-    matrix.FORMAT,
+    _openlabel.FORMAT,
+    _is_msgs.FORMAT,
+    _camera_json.FORMAT,
+    _opencv.YAML,
+    _opencv.XML,
+    _krtd.FORMAT,
+    _colmap.FORMAT,
+    _ros.FORMAT,
+    _deepstream.FORMAT,
+    _tsai.FORMAT,
+    _towncentre.FORMAT,
+    _kitti.FORMAT,
+    _matrix.FORMAT,
 )
 
 
@@ -109,23 +86,18 @@ def read_calibration(
     camera = read_camera(path, image_size=image_size)
     if not isinstance(camera, Camera):
         raise InputError(f"{path}: holds a lens without a pose; a whole camera is needed")
-    made = camera_json.FORMAT.sniff(Path(path), head_text(Path(path)))
+    made = _camera_json.FORMAT.sniff(Path(path), head_text(Path(path)))
     if not made or "person_height_m" not in read_json(path):
         return Calibration.of_camera(camera)
     return replace(Calibration.load(path), camera=camera, image_size=camera.image_size)
 
 
 def _read(path: Path, image_size: ImageSize | None, name: str | None, *, lens: bool) -> Lens:
-    try:
+    with sane_numbers(path, "camera"):
         chosen = by_name(_FORMATS, name, "camera") if name else detected(_FORMATS, path, "camera")
         read = chosen.read_lens if lens and chosen.read_lens else chosen.read
-        with np.errstate(over="raise", invalid="raise", divide="raise"):
-            found = read(path, image_size)
-            return found if image_size is None else found.scaled_to(image_size)
-    except InputError as error:
-        raise prefixed(error, path) from error
-    except (ArithmeticError, np.linalg.LinAlgError) as error:
-        raise InputError(f"{path}: its numbers are too large or too small for a camera") from error
+        found = read(path, image_size)
+        return found if image_size is None else found.scaled_to(image_size)
 
 
 def write_camera(camera: Camera, path: str | os.PathLike[str], format: str) -> None:  # noqa: A002

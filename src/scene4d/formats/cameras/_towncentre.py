@@ -11,6 +11,7 @@ import numpy as np
 from scene4d.core.camera import Camera
 from scene4d.core.errors import InputError
 from scene4d.core.text import floats, quoted, read_text
+from scene4d.formats._numbers import lines_of
 from scene4d.formats.cameras._contract import CameraFormat, ImageSize
 from scene4d.formats.cameras._pinhole import five_coefficients, rotation_of_quaternion, size_for
 
@@ -26,15 +27,11 @@ def _sniff(path: Path, head: str) -> bool:
 
 def _values(text: str) -> dict[str, float]:
     values = {}
-    for number, line in enumerate(text.splitlines(), start=1):
-        if not line.strip():
-            continue
+    for where, line in lines_of(text):
         name, equals, value = line.partition("=")
         if not equals:
-            raise InputError(
-                f"line {number}: expected `Name = value`, found {quoted(line.strip())}"
-            )
-        values[name.strip()] = float(floats([value.strip()], f"line {number}")[0])
+            raise InputError(f"{where}: expected `Name = value`, found {quoted(line.strip())}")
+        values[name.strip()] = float(floats([value.strip()], where)[0])
     missing = [n for n in (*_K, *_QUATERNION, *_TRANSLATION, *_DISTORTION) if n not in values]
     if missing:
         raise InputError(f"field {missing[0]!r} is missing")

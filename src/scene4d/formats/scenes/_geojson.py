@@ -11,7 +11,6 @@ value for each of its points: ``times`` (null without a start), ``times_s``, ``s
 cut as section 3.1.9 would like.
 """
 
-import json
 from collections.abc import Iterator
 from typing import Any
 
@@ -27,6 +26,7 @@ from scene4d.formats.scenes._values import (
     METRES,
     SECONDS,
     SPEED,
+    compact,
     json_numbers,
     sigma_m,
     sizes,
@@ -54,8 +54,7 @@ def _write(pieces: Iterator[SceneTable]) -> Iterator[tuple[str, bytes]]:
     separator = b'{"type":"FeatureCollection","features":[\n'
     for rows in track_rows(scene.tracks):
         feature = _feature(scene, scene.geo, scene.tracks.select(rows), lonlat[rows])
-        text = json.dumps(feature, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-        yield _SUFFIX, separator + text.encode()
+        yield _SUFFIX, separator + compact(feature).encode()
         separator = b",\n"
     yield _SUFFIX, b"\n]}\n"
 

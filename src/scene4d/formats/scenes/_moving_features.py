@@ -21,7 +21,6 @@ collection of one feature is written as such: the standard's schema allows it, t
 2.39 asks for more. Each feature is a line of the file.
 """
 
-import json
 import warnings
 from collections.abc import Iterator
 from typing import Any
@@ -38,6 +37,7 @@ from scene4d.formats.scenes._values import (
     RADIANS,
     SECONDS,
     SPEED,
+    compact,
     json_numbers,
     sigma_m,
     sizes,
@@ -63,17 +63,13 @@ def _write(pieces: Iterator[SceneTable]) -> Iterator[tuple[str, bytes]]:
             stacklevel=2,
         )
     place = tracks.xy_m if scene.geo is None else scene.geo.to_lonlat(tracks.xy_m)
-    head = _text(_collection(scene, tracks, place))
+    head = compact(_collection(scene, tracks, place))
     separator = head[:-1].encode() + b',"features":[\n'
     for rows in track_rows(tracks):
-        text = _text(_feature(scene, tracks.select(rows), place[rows]))
+        text = compact(_feature(scene, tracks.select(rows), place[rows]))
         yield _SUFFIX, separator + text.encode()
         separator = b",\n"
     yield _SUFFIX, b"\n]}\n"
-
-
-def _text(values: dict[str, Any]) -> str:
-    return json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
 def _collection(scene: SceneTable, tracks: Tracks, place: np.ndarray) -> dict[str, Any]:

@@ -14,7 +14,6 @@ the footage where that is unknown. An object has, as far as they are known,
   ``boolean``: ``observed``.
 """
 
-import json
 from collections.abc import Iterator
 from itertools import groupby
 from typing import Any
@@ -25,7 +24,15 @@ from scene4d.core.cuboids import centroids, cuboid_covariance
 from scene4d.core.tracks import Tracks
 from scene4d.formats.scenes._contract import SceneFormat, SceneTable
 from scene4d.formats.scenes._pieces import in_frame_order
-from scene4d.formats.scenes._values import METRES, PIXELS, SCORE, SECONDS, rounded, utc_text
+from scene4d.formats.scenes._values import (
+    METRES,
+    PIXELS,
+    SCORE,
+    SECONDS,
+    compact,
+    rounded,
+    utc_text,
+)
 
 _SUFFIX = ".json"
 _WORLD = {"coordinate_system": "world"}
@@ -44,7 +51,10 @@ def _write(pieces: Iterator[SceneTable]) -> Iterator[tuple[str, bytes]]:
             "frame_properties": {"timestamp": seen[0][1]},
             "objects": {str(track): {"object_data": data} for _, _, track, _, data, _ in seen},
         }
-        yield _SUFFIX, (",\n" if spans else _HEAD).encode() + f'"{frame}":{_text(content)}'.encode()
+        yield (
+            _SUFFIX,
+            (",\n" if spans else _HEAD).encode() + f'"{frame}":{compact(content)}'.encode(),
+        )
         camera = seen[0][-1]
         for _, _, track, kind, _, _ in seen:
             spans[track] = (*spans.get(track, (kind, frame))[:2], frame)
@@ -57,7 +67,7 @@ def _write(pieces: Iterator[SceneTable]) -> Iterator[tuple[str, bytes]]:
         for track, (kind, first, last) in spans.items()
     }
     streams = {camera: {"type": "camera"}}
-    yield _SUFFIX, f'}},"objects":{_text(objects)},"streams":{_text(streams)}}}}}\n'.encode()
+    yield _SUFFIX, f'}},"objects":{compact(objects)},"streams":{compact(streams)}}}}}\n'.encode()
 
 
 def _rows(pieces: Iterator[SceneTable]) -> Iterator[_Row]:
@@ -119,10 +129,6 @@ def _cuboid(values: np.ndarray, sigma: np.ndarray) -> dict[str, Any]:
 
 def _named(name: str, values: np.ndarray) -> dict[str, Any]:
     return {"name": name, "val": values.tolist()}
-
-
-def _text(values: dict[str, Any]) -> str:
-    return json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
 _HEAD = (

@@ -7,25 +7,19 @@ from pathlib import Path
 
 from scene4d.core.errors import InputError
 from scene4d.core.files import replace_files
-from scene4d.core.text import prefixed
+from scene4d.core.text import in_file
 from scene4d.formats._choosing import by_name
-from scene4d.formats.scenes import _csv as csv
-from scene4d.formats.scenes import _geojson as geojson
-from scene4d.formats.scenes import _kpf as kpf
-from scene4d.formats.scenes import _mot as mot
-from scene4d.formats.scenes import _moving_features as moving_features
-from scene4d.formats.scenes import _openlabel as openlabel
-from scene4d.formats.scenes import _rerun as rerun
+from scene4d.formats.scenes import _csv, _geojson, _kpf, _mot, _moving_features, _openlabel, _rerun
 from scene4d.formats.scenes._contract import SceneFormat, SceneTable
 
 _FORMATS: tuple[SceneFormat, ...] = (
-    csv.FORMAT,
-    mot.FORMAT,
-    kpf.FORMAT,
-    geojson.FORMAT,
-    moving_features.FORMAT,
-    openlabel.FORMAT,
-    rerun.FORMAT,
+    _csv.FORMAT,
+    _mot.FORMAT,
+    _kpf.FORMAT,
+    _geojson.FORMAT,
+    _moving_features.FORMAT,
+    _openlabel.FORMAT,
+    _rerun.FORMAT,
 )
 
 
@@ -56,11 +50,9 @@ def write_scene(
     path = Path(path)
     chosen = by_name(_FORMATS, format, "scene")
     paths = _paths(path, chosen)
-    try:
+    with in_file(path):
         pieces = _filled([scene] if isinstance(scene, SceneTable) else scene)
         replace_files(paths, chosen.write(pieces), parents=True)
-    except InputError as error:
-        raise prefixed(error, path) from error
     return tuple(paths.values())
 
 

@@ -1,6 +1,7 @@
 """What several formats say in the same way: numbers, times, errors."""
 
 import io
+import json
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any
@@ -37,6 +38,11 @@ def rounded(values: np.ndarray, decimals: int) -> np.ndarray:
     """Rounded, and without the negative zero."""
     short: np.ndarray = np.round(values, decimals) + 0.0
     return short
+
+
+def compact(values: dict[str, Any]) -> str:
+    """JSON without spaces."""
+    return json.dumps(values, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
 def json_numbers(values: np.ndarray, decimals: int) -> list[Any]:
