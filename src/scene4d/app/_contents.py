@@ -16,7 +16,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.text import quoted
 from scene4d.searching import FoundEvent, Places, SearchResult
 from scene4d.searching.activities.catalogue import load_catalogue
-from scene4d.store.runs import Run, file_name
+from scene4d.store.runs import Run, file_name, iso_ms
 
 VIEW_SCHEMA = "scene4d/view/1"
 _MOST_NAMED = 3
@@ -61,13 +61,10 @@ def run_of(shown: Shown) -> dict[str, Any]:
     """
     run = shown.run
     begin_s, end_s = shown.span_s
-    start = None
-    if shown.start_ns is not None:
-        start = f"{np.datetime64(shown.start_ns, 'ns').astype('datetime64[ms]')}Z"
     return {
         "run": run.run,
         "camera": shown.camera,
-        "start": start,
+        "start": None if shown.start is None else iso_ms(shown.start),
         "shift_s": shown.shift_s,
         "begin_s": begin_s,
         "end_s": end_s,

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from scene4d.core.ground_regions import GroundRegion
 from scene4d.core.tracks import Tracks
 from scene4d.searching import opened as open_places
 from scene4d.store.query import Scene
-from scene4d.store.runs import Run, since_1970_ns
+from scene4d.store.runs import Run
 from scene4d.store.site import RunClock, Site
 from scene4d.store.site_file import is_site
 
@@ -21,7 +22,7 @@ _ROUNDING_S = 1e-6
 class Shown:
     """A run as the page shows it: what the camera is called, its calibration in the page's frame,
     the first and last time of a row on the page's clock, what to add to the clip's time for that
-    (in the middle, where a clock drifts), and when it was 0 (ns since 1970).
+    (in the middle, where a clock drifts), and when it was 0 (UTC).
     """
 
     run: Run
@@ -29,7 +30,7 @@ class Shown:
     calibration: Calibration
     span_s: tuple[float, float]
     shift_s: float = 0.0
-    start_ns: int | None = None
+    start: datetime | None = None
 
 
 class Opened:
@@ -118,7 +119,7 @@ def _of_scene(scene: Scene) -> list[Shown]:
             run.camera,
             known[run.camera],
             run.span_s or (0.0, 0.0),
-            start_ns=run.start_ns if run.start_known else None,
+            start=run.start,
         )
         for run in scene.runs
         if run.rows
@@ -126,10 +127,8 @@ def _of_scene(scene: Scene) -> list[Shown]:
 
 
 def _of_site(site: Site) -> list[Shown]:
-    start = site.start
-    start_ns = None if start is None else since_1970_ns(start)
     return [
-        _shown(run, name, _in_site(site, name), clock, start_ns)
+        _shown(run, name, _in_site(site, name), clock, site.start)
         for name in site.cameras
         for run, clock in site.runs(name)
         if run.rows
@@ -137,11 +136,11 @@ def _of_site(site: Site) -> list[Shown]:
 
 
 def _shown(
-    run: Run, name: str, calibration: Calibration, clock: RunClock, start_ns: int | None
+    run: Run, name: str, calibration: Calibration, clock: RunClock, start: datetime | None
 ) -> Shown:
     begin_s, end_s = run.span_s or (0.0, 0.0)
     span_s = clock.in_site(begin_s), clock.in_site(end_s)
-    return Shown(run, name, calibration, span_s, clock.middle_shift_s(run.span_s), start_ns)
+    return Shown(run, name, calibration, span_s, clock.middle_shift_s(run.span_s), start)
 
 
 def _in_site(site: Site, name: str) -> Calibration:

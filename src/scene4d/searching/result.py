@@ -4,7 +4,6 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
 from html import escape
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
@@ -16,7 +15,7 @@ from scene4d.searching._asking import Asked
 from scene4d.searching._spots import FoundSpot, Memory
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities.course import Course
-from scene4d.store.runs import Run
+from scene4d.store.runs import Run, iso_ms
 
 if TYPE_CHECKING:
     from arro3.core import Table
@@ -88,8 +87,8 @@ class FoundEvent:
             "probability": event.probability,
             "begin_s": event.begin_s,
             "end_s": event.end_s,
-            "begin_time": None if begin is None else _iso(begin),
-            "end_time": None if end is None else _iso(end),
+            "begin_time": None if begin is None else iso_ms(begin),
+            "end_time": None if end is None else iso_ms(end),
             "begin_frame": self.begin_frame,
             "end_frame": self.end_frame,
             "camera": self.run.camera,
@@ -281,8 +280,8 @@ def _spot_dict(spot: FoundSpot) -> dict[str, Any]:
         "run": spot.run.run,
         "begin_s": spot.begin_s,
         "end_s": spot.end_s,
-        "begin_time": None if begin is None else _iso(begin),
-        "end_time": None if end is None else _iso(end),
+        "begin_time": None if begin is None else iso_ms(begin),
+        "end_time": None if end is None else iso_ms(end),
         "x_m": spot.xy_m[0],
         "y_m": spot.xy_m[1],
         "distance_m": spot.distance_m,
@@ -301,10 +300,6 @@ def _spot_note(spot: FoundSpot) -> str:
         f"{spot.distance_m:.1f} m from {spot.name!r}: track {spot.track} of camera "
         f"{spot.run.camera}, run {spot.run.run}, {when}"
     )
-
-
-def _iso(moment: datetime) -> str:
-    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 def _count(number: int, what: str) -> str:

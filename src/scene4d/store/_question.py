@@ -73,6 +73,14 @@ def check_range(begin: _Moment | None, end: _Moment | None) -> None:
         raise InputError(f"begin {begin} is not before end {end}")
 
 
+def checked_rectangle(within_m: _Rectangle) -> _Rectangle:
+    """The same; raises :class:`InputError` where it has no inside."""
+    x0, y0, x1, y1 = within_m
+    if not (x0 <= x1 and y0 <= y1):
+        raise InputError(f"within_m: found {within_m}, expected x0 <= x1 and y0 <= y1")
+    return within_m
+
+
 def reaches(run: Run, part: Part, begin: _Moment | None, end: _Moment | None) -> bool:
     """Whether a part can have rows in a time range."""
     first, last = (since_1970_ns(one) if isinstance(one, datetime) else one for one in (begin, end))
@@ -99,9 +107,7 @@ def conditions_of(asked: Question) -> list[str]:
         numbers = ", ".join(str(int(track)) for track in tracks)
         conditions.append(f"track IN ({numbers})" if numbers else "false")
     if within_m is not None:
-        x0, y0, x1, y1 = within_m
-        if not (x0 <= x1 and y0 <= y1):
-            raise InputError(f"within_m: found {within_m}, expected x0 <= x1 and y0 <= y1")
+        x0, y0, x1, y1 = checked_rectangle(within_m)
         conditions.append(f"x_m BETWEEN {_number(x0)} AND {_number(x1)}")
         conditions.append(f"y_m BETWEEN {_number(y0)} AND {_number(y1)}")
     if observed is not None:

@@ -197,6 +197,11 @@ def since_1970_ns(when: datetime) -> int:
     return (when - _EPOCH) // timedelta(microseconds=1) * 1000
 
 
+def iso_ms(when: datetime) -> str:
+    """A moment of UTC as RFC 3339, to the millisecond."""
+    return when.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
 def manifest_path(folder: Path, run: str) -> Path:
     """Path of a run's manifest."""
     return folder / "runs" / f"{file_name(run, 'run')}.json"

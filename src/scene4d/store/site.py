@@ -24,7 +24,7 @@ from scene4d.core.errors import InputError
 from scene4d.core.placement import Placement
 from scene4d.core.text import in_file
 from scene4d.core.tracks import Tracks
-from scene4d.store._question import Question, check_range, check_there
+from scene4d.store._question import Question, check_range, check_there, checked_rectangle
 from scene4d.store.fusing import fused
 from scene4d.store.identities import Identities
 from scene4d.store.query import Scene
@@ -379,8 +379,6 @@ def _own_question(asked: Question) -> Question:
 def _inside(tracks: Tracks, within_m: Any) -> Tracks:
     if within_m is None:
         return tracks
-    x0, y0, x1, y1 = within_m
-    if not (x0 <= x1 and y0 <= y1):
-        raise InputError(f"within_m: found {within_m}, expected x0 <= x1 and y0 <= y1")
+    x0, y0, x1, y1 = checked_rectangle(within_m)
     x, y = tracks.xy_m.T
     return tracks.select((x >= x0) & (x <= x1) & (y >= y0) & (y <= y1))
