@@ -68,7 +68,11 @@ def test_the_ground_of_a_true_camera_is_where_it_looks():
 def test_a_perfect_site_has_no_error(scenes):
     found = evaluate_site(*site_with(scenes, errors_put_in(), "right"), Silent())
     (pair,) = found.pairs
-    assert pair.position_m < 1e-3 and pair.heading_deg < 1e-3 and pair.offset_s < 1e-9
+    assert (
+        pair.position_error_m < 1e-3
+        and pair.heading_error_deg < 1e-3
+        and pair.offset_error_s < 1e-9
+    )
     assert pair.pose_within_95 and pair.offset_within_95
     assert found.people.people > 2 and np.median(found.people.distance_m) < 0.2
     assert found.ground.site_m < 0.01 and found.ground.refined_m == pytest.approx(
@@ -83,9 +87,9 @@ def test_errors_that_are_put_in_come_out(scenes):
     wrong = errors_put_in(0.3, -0.4, 2.0, 0.5)
     found = evaluate_site(*site_with(scenes, wrong, "wrong"), Silent())
     (pair,) = found.pairs
-    assert pair.position_m == pytest.approx(0.5, abs=1e-3)
-    assert pair.heading_deg == pytest.approx(2.0, abs=1e-3)
-    assert pair.offset_s == pytest.approx(0.5)
+    assert pair.position_error_m == pytest.approx(0.5, abs=1e-3)
+    assert pair.heading_error_deg == pytest.approx(2.0, abs=1e-3)
+    assert pair.offset_error_s == pytest.approx(0.5)
     assert pair.position_sigma_m == pytest.approx(np.hypot(0.1, 0.1))
     assert not pair.pose_within_95 and not pair.offset_within_95
     assert found.ground.site_m > 0.05
@@ -101,7 +105,7 @@ def test_offsets_that_are_known_are_taken_off(scenes, tmp_path):
         (pair,) = evaluate_site(folder, site, Silent()).pairs
     finally:
         path.unlink()
-    assert pair.offset_s == pytest.approx(0.05)
+    assert pair.offset_error_s == pytest.approx(0.05)
 
 
 def test_the_command_writes_the_page(scenes, tmp_path):

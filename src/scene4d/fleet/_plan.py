@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, Union, get_args, get_origin, get
 
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
-from scene4d.core.text import prefixed, quoted, read_text
+from scene4d.core.text import in_file, quoted, read_text
 from scene4d.core.yaml_text import load_yaml
 from scene4d.store.runs import file_name
 from scene4d.video.frames import VIDEO_SUFFIXES
@@ -142,10 +142,8 @@ def read_plan(path: str | Path) -> Plan:
     base = path.parent.absolute()  # workers stand elsewhere
     if path.is_dir():
         return _of_folder(path.absolute())
-    try:
+    with in_file(path):
         said = JsonObject(load_yaml(read_text(path)), str(path))
-    except InputError as error:
-        raise prefixed(error, path) from error
     said.only(("cameras", *_STAGES, "workers", "every_s"))
     every_s = said.number("every_s", least=1.0, most=_MOST_S) if "every_s" in said else None
     again = every_s is not None

@@ -1,6 +1,6 @@
 """How far a site is from the truth: between each two cameras, and where people are put."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import combinations
 from typing import Any
 
@@ -29,28 +29,19 @@ class PairError:
 
     a: str
     b: str
-    position_m: float
+    position_error_m: float
     position_sigma_m: float
-    heading_deg: float
+    heading_error_deg: float
     heading_sigma_deg: float
-    offset_s: float
+    offset_error_s: float
     offset_sigma_s: float
     pose_within_95: bool
     offset_within_95: bool
 
     def to_dict(self) -> dict[str, Any]:
         """Content of ``evaluation.json``."""
-        return {
-            "cameras": [self.a, self.b],
-            "position_error_m": self.position_m,
-            "position_sigma_m": self.position_sigma_m,
-            "heading_error_deg": self.heading_deg,
-            "heading_sigma_deg": self.heading_sigma_deg,
-            "offset_error_s": self.offset_s,
-            "offset_sigma_s": self.offset_sigma_s,
-            "pose_within_95": self.pose_within_95,
-            "offset_within_95": self.offset_within_95,
-        }
+        said = asdict(self)
+        return {"cameras": [said.pop("a"), said.pop("b")]} | said
 
 
 @dataclass(frozen=True, eq=False)

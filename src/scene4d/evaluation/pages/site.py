@@ -56,14 +56,14 @@ def site_verdict(evaluation: SiteEvaluation) -> str:
             f"{n}: {p.reason}" for n, p in evaluation.site.placements.items() if not p
         )
         return f"No two cameras with a known truth were placed. {reasons}"
-    worst = max(pairs, key=lambda pair: pair.position_m)
+    worst = max(pairs, key=lambda pair: pair.position_error_m)
     inside = sum(pair.pose_within_95 for pair in pairs)
+    turned_deg = np.median([pair.heading_error_deg for pair in pairs])
     return (
         f"{len(pairs)} pair{'' if len(pairs) == 1 else 's'} of cameras: positions are off by "
-        f"{np.median([pair.position_m for pair in pairs]):.2f} m in the median (at most "
-        f"{worst.position_m:.2f} m), headings by "
-        f"{np.median([pair.heading_deg for pair in pairs]):.1f}°; {inside} of {len(pairs)} lie "
-        "within the 95 % that the site states."
+        f"{np.median([pair.position_error_m for pair in pairs]):.2f} m in the median (at most "
+        f"{worst.position_error_m:.2f} m), headings by {turned_deg:.1f}°; {inside} of {len(pairs)} "
+        "lie within the 95 % that the site states."
     )
 
 
@@ -72,9 +72,9 @@ def site_lines(evaluation: SiteEvaluation) -> list[list[str]]:
     return [
         [
             f"{pair.a} and {pair.b}",
-            f"{pair.position_m:.2f} (± {pair.position_sigma_m:.2f}) m",
-            f"{pair.heading_deg:.1f} (± {pair.heading_sigma_deg:.1f})°",
-            f"{pair.offset_s:.2f} (± {pair.offset_sigma_s:.2f}) s",
+            f"{pair.position_error_m:.2f} (± {pair.position_sigma_m:.2f}) m",
+            f"{pair.heading_error_deg:.1f} (± {pair.heading_sigma_deg:.1f})°",
+            f"{pair.offset_error_s:.2f} (± {pair.offset_sigma_s:.2f}) s",
             "yes" if pair.pose_within_95 and pair.offset_within_95 else "no",
         ]
         for pair in evaluation.pairs

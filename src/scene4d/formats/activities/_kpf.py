@@ -10,10 +10,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from scene4d.core.errors import InputError
+from scene4d.core.json_object import JsonObject
 from scene4d.core.text import in_file, quoted, read_text
 from scene4d.core.yaml_text import load_yaml
 from scene4d.formats._numbers import lines_of
+
+_LARGEST = 2.0**53  # beyond it, not every whole number is a float
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,7 @@ def read_activities(path: str | os.PathLike[str]) -> tuple[LabelledActivity, ...
         for where, line in lines_of(read_text(path), ("#", "---")):
             packet = _packet(line, where)
             if "act" in packet:
-                found.append(_activity(packet["act"], where))
+                found.append(_activity(packet, where))
     return tuple(found)
 
 
@@ -52,51 +57,20 @@ def _packet(line: str, where: str) -> dict[str, Any]:
     return packets[0]
 
 
-def _activity(act: Any, where: str) -> LabelledActivity:
-    if not isinstance(act, dict):
-        raise InputError(f"{where}: field 'act' must hold an activity, found {quoted(act)}")
-    actors = act.get("actors", [])
-    if not isinstance(actors, list):
-        raise InputError(f"{where}: field 'actors' must be a list, found {quoted(actors)}")
-    begin, end = _frames(act.get("timespan"), where)
+def _activity(packet: dict[str, Any], where: str) -> LabelledActivity:
+    act = JsonObject(packet, where).object("act")
+    names = act.value("act2")
+    if not (isinstance(names, dict) and names and all(isinstance(name, str) for name in names)):
+        raise act.error("act2", "names with probabilities")
+    score = {name: act.object("act2").number(name) for name in names}
+    spans = np.array([span.array("tsr0", 2) for span in act.objects("timespan")]).reshape(-1, 2)
+    whole = (spans % 1 == 0) & (spans >= 0) & (spans < _LARGEST)
+    if not (len(spans) and whole.all() and (spans[:, 0] <= spans[:, 1]).all()):
+        raise act.error("timespan", "'tsr0': [first frame, last frame]")
+    actors = act.objects("actors") if "actors" in act else []
     return LabelledActivity(
-        _name(act.get("act2"), where), begin, end, tuple(_track(one, where) for one in actors)
+        max(score, key=score.__getitem__),
+        int(spans.min()),
+        int(spans.max()),
+        tuple(one.integer("id1", least=0) for one in actors),
     )
-
-
-def _name(names: Any, where: str) -> str:
-    if not (
-        isinstance(names, dict)
-        and names
-        and all(isinstance(k, str) and _is_number(v) for k, v in names.items())
-    ):
-        raise InputError(
-            f"{where}: field 'act2' must hold names with probabilities, found {quoted(names)}"
-        )
-    return str(max(names, key=lambda name: names[name]))
-
-
-def _frames(spans: Any, where: str) -> tuple[int, int]:
-    try:
-        pairs = [span["tsr0"] for span in spans]
-        frames = [frame for pair in pairs for frame in pair]
-        good = bool(pairs) and all(len(pair) == 2 and pair[0] <= pair[1] for pair in pairs)
-    except (TypeError, KeyError):
-        good, frames = False, []
-    if not good or not all(type(frame) is int and frame >= 0 for frame in frames):
-        raise InputError(
-            f"{where}: field 'timespan' must hold 'tsr0': [first frame, last frame], "
-            f"found {quoted(spans)}"
-        )
-    return min(frames), max(frames)
-
-
-def _track(actor: Any, where: str) -> int:
-    track = actor.get("id1") if isinstance(actor, dict) else None
-    if type(track) is not int or track < 0:
-        raise InputError(f"{where}: field 'id1' of an actor must be a track, found {quoted(actor)}")
-    return track
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
