@@ -8,7 +8,7 @@ import numpy as np
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.landmarks import LandmarkFit
-from scene4d.drawing.page import Shown, data_uri, rendered, seconds_text
+from scene4d.drawing.page import as_shown, rendered, seconds_text
 from scene4d.drawing.words import ground_error_texts, number, parameter_rows, verdict
 
 if TYPE_CHECKING:
@@ -58,16 +58,11 @@ def _render(run: "Run", pictures: "Mapping[str, Drawn]", network: Camera | None)
     from scene4d.calibration.report._captions import caption, words_for_picture
 
     calibration = run.calibration
-    figures = {
-        name: Shown(
-            name,
-            data_uri(figure.page_png),
-            words_for_picture(name, calibration),
-            caption(name, calibration, network),
-            figure.legend,
-        )
-        for name, figure in pictures.items()
-    }
+    figures = as_shown(
+        pictures,
+        lambda name: words_for_picture(name, calibration),
+        lambda name: caption(name, calibration, network),
+    )
     values: dict[str, Any] = {
         "ok": bool(calibration) and calibration.camera is not None,
         "verdict": verdict(calibration),

@@ -1,7 +1,6 @@
 """The page of a search: what was understood, and a card for each event; all events beside it."""
 
 import base64
-from importlib.metadata import version
 from pathlib import Path
 
 from scene4d.core.files import write_bytes
@@ -59,16 +58,17 @@ def search_html(result: SearchResult, clips: list[Clip | NoFootage], command: st
 
 
 def _provenance(result: SearchResult, command: str | None) -> list[tuple[str, str]]:
+    from scene4d.drawing.page import made_by
+
     there = sum(run.rows > 0 for run in result.asked.scene.runs)
-    rows = [
+    return [
         ("Clips searched", f"{len(result.runs)} of {there}"),
         ("Cameras", ", ".join(sorted({run.camera for run in result.runs})) or "none"),
         ("Rows searched", f"{result.rows:,}"),
         ("Least score", f"{result.asked.least_score:.2g}"),
         ("All events", _EVENTS),
-        ("scene4d", version("scene4d")),
+        *made_by(command),
     ]
-    return rows if command is None else [*rows, ("Command", command)]
 
 
 def _card(
