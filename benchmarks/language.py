@@ -253,7 +253,7 @@ def _phases(part: str) -> Iterator[_Wanted]:
 def _term(text: str) -> Term:
     """A term; roles such as person*3 are no names of the catalogue's own."""
     found = re.findall(r"(?<=[(,])\s*([a-z]+\d*(?:[*+][a-z\d]+|=\d+|!))", text)
-    term = parse_term(re.sub(r"[*+]\w+|(?<=person)=\d+|!", "", text), PREDICATES)
+    term = parse_term(re.sub(r"[*+]\w+|(?<=person)=\d+|!", "", text))
     whole = {re.sub(r"[*+=!].*", "", name): name for name in found}
     return replace(term, roles=tuple(whole.get(role, role) for role in term.roles))
 

@@ -16,7 +16,6 @@ from scene4d.searching.activities.calibrated import ANNOTATED, DETECTED, calibra
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.search import LEAST_SCORE, MIN_SCORE
 from scene4d.searching.language import Query, Window, parse_query
-from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
 from scene4d.store.site import Site
@@ -224,7 +223,7 @@ def _used(query: Query, places: Places) -> set[str]:
     """The names of the places that the query uses."""
     used: set[str] = set()
     for kind in ("zone", "line"):
-        for name in places_of(query.activity.every_term, kind, PREDICATES):
+        for name in places_of(query.activity.every_term, kind):
             there = places.names(kind)
             if name not in there:
                 raise InputError(

@@ -205,7 +205,7 @@ def _watched_all(asked: Asked, run: Run) -> Float[np.ndarray, "s 4"] | None:
 def _seeing(asked: Asked) -> list[str]:
     """The cameras that see all places that are asked for; raises where there is none."""
     terms = asked.query.activity.every_term
-    wanted = {kind: set(places_of(terms, kind, PREDICATES)) for kind in ("zone", "line")}
+    wanted = {kind: set(places_of(terms, kind)) for kind in ("zone", "line")}
     seeing = [
         camera
         for camera in asked.scene.cameras

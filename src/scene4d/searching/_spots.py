@@ -19,7 +19,6 @@ from scene4d.searching.activities._terms import value_of
 from scene4d.searching.activities.definition import Activity, Spot
 from scene4d.searching.activities.search import judge
 from scene4d.searching.predicates._meeting import expand, runs
-from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.searching.predicates._spots import Spots, SpotTable, own_covariance_m2
 from scene4d.searching.predicates.stage import Stage
 from scene4d.store.runs import Run
@@ -164,7 +163,7 @@ class Memory:
         for (role, name), (term, phase) in uses.items():
             tracks = [event.roles[role] for event in events]
             owner, rows = _rows(stage, tracks, [event.phases_s[phase] for event in events])
-            tau_m, sigma_m = (value_of(term, key, PREDICATES) for key in ("tau_m", "sigma_m"))
+            tau_m, sigma_m = (value_of(term, key) for key in ("tau_m", "sigma_m"))
             spots = stage.spots[name]
             p, at = spots.probability(stage.rows(rows), tau_m, sigma_m)
             order = np.lexsort((-np.where(at >= 0, p, -1.0), owner))

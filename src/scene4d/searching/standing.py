@@ -24,7 +24,6 @@ from scene4d.searching.activities._events import Event
 from scene4d.searching.activities.search import judge
 from scene4d.searching.kept import STANDING, ZONES, kept_options, kept_searches, standing_query
 from scene4d.searching.language import Query
-from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.searching.predicates.stage import Stage
 from scene4d.searching.result import FoundEvent
 from scene4d.searching.stages import STEP_S, stage_of, thinned
@@ -223,7 +222,7 @@ def _settle(
     """Tell new events, and those that have become final; ``told`` is brought up to date."""
     news = []
     matched: dict[str, FoundEvent] = {}
-    swaps = is_symmetric(query.activity, PREDICATES)
+    swaps = is_symmetric(query.activity)
     for found in events:
         event = found.event
         known = next((k for k, one in enumerate(told) if _is_same(one, event, swaps)), None)

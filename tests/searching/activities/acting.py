@@ -1,9 +1,10 @@
 """Tracks made by hand, and predicates whose values are written on them."""
 
 import numpy as np
+import pytest
 
 from scene4d.core.tracks import Tracks
-from scene4d.searching.predicates._registry import Parameter, Predicate
+from scene4d.searching.predicates._registry import PREDICATES, Parameter, Predicate
 from scene4d.searching.predicates.stage import Stage
 
 STEP_S = 0.2
@@ -88,9 +89,18 @@ def _none(a):
 
 
 _TAU = {"tau_m": Parameter("tau_m", 4.0, "m", 0.0, 1000.0)}
-FAKES = {
-    "lit": Predicate("lit", 1, {}, _lit),
-    "near": Predicate("near", 2, _TAU, _sharp, holds="within", symmetric=True),
-    "both_lit": Predicate("both_lit", 2, {}, _same_lit),
-    "unknown": Predicate("unknown", 1, {}, _none),
-}
+_FAKES = (
+    Predicate("lit", 1, {}, _lit),
+    Predicate("by", 2, _TAU, _sharp, holds="within", symmetric=True),
+    Predicate("both_lit", 2, {}, _same_lit),
+    Predicate("unknown", 1, {}, _none),
+)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def fakes():
+    """They are predicates as any other for the tests of a module that imports this."""
+    with pytest.MonkeyPatch.context() as patch:
+        for one in _FAKES:
+            patch.setitem(PREDICATES, one.name, one)
+        yield

@@ -11,7 +11,6 @@ from scene4d.searching.activities._checking import check_activity
 from scene4d.searching.activities._terms import parse_term, term_text
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
-from scene4d.searching.predicates._registry import PREDICATES
 
 GOOD = """\
 activities:
@@ -74,7 +73,7 @@ def test_the_catalogue_holds_what_was_asked_for():
     assert len(phrases) == len(set(phrases))
     for activity in catalogue.values():
         assert activity.phrases and activity.description
-        check_activity(activity, PREDICATES)
+        check_activity(activity)
 
 
 def test_a_file_of_ones_own_is_read_beside_it(tmp_path):
@@ -183,32 +182,31 @@ def test_no_text_raises_anything_else(tmp_path_factory, text):
 
 
 def test_units_are_converted():
-    term = parse_term("turning_left(v, angle_rad=90deg, window_s=0.5 min)", PREDICATES)
+    term = parse_term("turning_left(v, angle_rad=90deg, window_s=0.5 min)")
     assert term.parameters == {"angle_rad": pytest.approx(math.pi / 2), "window_s": 30.0}
-    assert parse_term("speed_above(v, speed_mps=36 km/h)", PREDICATES).parameters == {
+    assert parse_term("speed_above(v, speed_mps=36 km/h)").parameters == {
         "speed_mps": pytest.approx(10.0)
     }
-    assert parse_term("near(a, b, lag_s=.inf)", PREDICATES).parameters == {"lag_s": math.inf}
+    assert parse_term("near(a, b, lag_s=.inf)").parameters == {"lag_s": math.inf}
 
 
 def test_what_terms_may_not_say():
     for text in ("near(a, b, lag_s=-1)", "near(a, b, lag_s=x)", "inside(a)"):
-        term = parse_term(text, PREDICATES)
+        term = parse_term(text)
         activity = Activity(
             "x",
             (Role("a", ("person",)), Role("b", ("car",))),
             (Phase("p", (term, Term("far", ("a", "b")))),),
         )
         with pytest.raises(InputError, match="activity 'x': "):
-            check_activity(activity, PREDICATES)
+            check_activity(activity)
     for text in ("near(a, tau_m=1, b)", "near(a, b, tau_m=1, tau_m=2)", "facing(a, b, side=top)"):
         with pytest.raises(InputError):
-            term = parse_term(text, PREDICATES)
+            term = parse_term(text)
             check_activity(
                 Activity(
                     "x", (Role("a", ("person",)), Role("b", ("car",))), (Phase("p", (term,)),)
                 ),
-                PREDICATES,
             )
 
 
@@ -219,7 +217,7 @@ def test_a_role_that_is_never_used():
         (Phase("p", (Term("moving", ("a",)),)),),
     )
     with pytest.raises(InputError, match="'b': is used in no phase"):
-        check_activity(activity, PREDICATES)
+        check_activity(activity)
 
 
 _VALUES = st.floats(0, 1000) | st.just(math.inf)
@@ -228,4 +226,4 @@ _VALUES = st.floats(0, 1000) | st.just(math.inf)
 @given(st.booleans(), st.dictionaries(st.sampled_from(["tau_m", "sigma_m", "lag_s"]), _VALUES))
 def test_terms_read_back_as_written(negated, parameters):
     term = Term("near", ("one", "other"), parameters, negated)
-    assert parse_term(term_text(term), PREDICATES) == term
+    assert parse_term(term_text(term)) == term

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from acting import FAKES, STEP_S, stage, stay, track, walk
+from acting import STEP_S, fakes, stage, stay, track, walk  # noqa: F401
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,7 +19,6 @@ from scene4d.searching.activities.definition import Activity, Phase, Relation, R
 from scene4d.searching.activities.identity import unite_tracks
 from scene4d.searching.activities.search import find, judge
 from scene4d.searching.predicates import _meeting as meeting
-from scene4d.searching.predicates._registry import PREDICATES
 
 CATALOGUE = load_catalogue()
 PERSON = Role("person", ("person",))
@@ -314,17 +313,14 @@ LIT = Activity("lit", (PERSON,), (Phase("on", (_term("lit", "person"),), 1.0),))
 def test_every_occurrence_is_an_event_with_its_time():
     p = np.zeros(60)
     p[10:20], p[40:50] = 0.9, 0.8
-    events = find(stage(track(1, stay([0, 0], 12), lit=p)), LIT, predicates=FAKES)
+    events = find(stage(track(1, stay([0, 0], 12), lit=p)), LIT)
     assert [event.score for event in events] == pytest.approx([0.9, 0.8])
     assert [(e.begin_s, e.end_s) for e in events] == [
         pytest.approx((2.0, 3.8)),
         pytest.approx((8.0, 9.8)),
     ]
     assert events[0].why == {"on: lit(person)": pytest.approx(0.9)}
-    assert (
-        find(stage(track(1, stay([0, 0], 12), lit=p)), LIT, min_score=0.85, predicates=FAKES)[1:]
-        == []
-    )
+    assert find(stage(track(1, stay([0, 0], 12), lit=p)), LIT, min_score=0.85)[1:] == []
 
 
 def test_ties_are_ordered_by_time_and_then_by_track():
@@ -333,14 +329,14 @@ def test_ties_are_ordered_by_time_and_then_by_track():
         track(n, stay([0, 0], 2), lit=p, begin_s=begin)
         for n, begin in ((3, 4.0), (1, 4.0), (2, 0.0))
     ]
-    events = find(stage(*tracks), LIT, predicates=FAKES)
+    events = find(stage(*tracks), LIT)
     assert [event.roles["person"] for event in events] == [2, 1, 3]
 
 
 def test_a_negated_term_is_the_opposite():
     p = np.concatenate([np.full(20, 0.9), np.full(20, 0.2)])
     off = replace(LIT, phases=(Phase("off", (_term("lit", "person", negated=True),), 1.0),))
-    events = find(stage(track(1, stay([0, 0], 8), lit=p)), off, predicates=FAKES)
+    events = find(stage(track(1, stay([0, 0], 8), lit=p)), off)
     assert events[0].score == pytest.approx(0.8)
     assert events[0].begin_s == pytest.approx(4.0)
 
@@ -350,24 +346,24 @@ def test_what_cannot_be_judged_counts_one_half_and_never_alone():
         LIT, phases=(Phase("on", (_term("lit", "person"), _term("unknown", "person")), 1.0),)
     )
     world = stage(track(1, stay([0, 0], 4), lit=np.full(20, 0.8)))
-    event = find(world, both, predicates=FAKES)[0]
+    event = find(world, both)[0]
     assert event.score == pytest.approx(0.4)
     assert np.isnan(event.why["on: unknown(person)"])
     assert (event.begin_s, event.end_s) == pytest.approx((0.0, 3.8))
     alone = replace(LIT, phases=(Phase("on", (_term("unknown", "person"),), 1.0),))
-    assert find(world, alone, min_score=0.02, predicates=FAKES) == []
+    assert find(world, alone, min_score=0.02) == []
 
 
 def test_missing_positions_do_no_harm():
     xy = stay([0, 0], 12)
     xy[20:23] = np.nan
-    near = Activity("near", (PERSON, CAR), (Phase("p", (_term("near", "person", "car"),), 2.0),))
+    near = Activity("near", (PERSON, CAR), (Phase("p", (_term("by", "person", "car"),), 2.0),))
     world = stage(track(1, xy), track(2, stay([1, 0], 12), kind="car"))
-    events = find(world, near, predicates=FAKES)
+    events = find(world, near)
     assert len(events) == 1
     assert (events[0].begin_s, events[0].end_s) == pytest.approx((0.0, 11.8))
     nowhere = stage(track(1, xy * np.nan), track(2, stay([1, 0], 12), kind="car"))
-    assert find(nowhere, near, predicates=FAKES) == []
+    assert find(nowhere, near) == []
 
 
 def test_a_moment_earlier():
@@ -375,15 +371,15 @@ def test_a_moment_earlier():
     then = Activity(
         "then",
         (PERSON, CAR),
-        (Phase("p", (_term("near", "person", "car", lag_s=20.0, tau_m=2.0),), 1.0),),
+        (Phase("p", (_term("by", "person", "car", lag_s=20.0, tau_m=2.0),), 1.0),),
     )
     car = track(2, np.vstack([stay([0, 0], 10), walk([0, 0], [60, 0], speed=10)]), kind="car")
     person = track(1, stay([0.5, 0], 4), begin_s=22.0)
-    events = find(stage(person, car), then, predicates=FAKES)
+    events = find(stage(person, car), then)
     assert _names(events) == [{"person": 1, "car": 2}]
     assert (events[0].begin_s, events[0].end_s) == pytest.approx((22.0, 25.8))
     soon = track(1, stay([0.5, 0], 4), begin_s=10.0)
-    assert find(stage(soon, car), then, predicates=FAKES) == []
+    assert find(stage(soon, car), then) == []
 
 
 def test_where_a_car_was_parked_at_any_time_before():
@@ -413,7 +409,7 @@ def test_where_a_car_was_parked_at_any_time_before():
 def test_lags_that_ask_nothing():
     alone = replace(LIT, phases=(Phase("p", (_term("lit", "person", lag_s=5.0),), 1.0),))
     with pytest.raises(InputError, match="at least one must have none"):
-        find(stage(track(1, stay([0, 0], 4))), alone, predicates=FAKES)
+        find(stage(track(1, stay([0, 0], 4))), alone)
     somewhere = Activity(
         "x",
         (PERSON, CAR),
@@ -421,7 +417,7 @@ def test_lags_that_ask_nothing():
     )
     world = stage(track(1, stay([0, 0], 4)), track(2, stay([0, 0], 4), kind="car"))
     with pytest.raises(InputError, match="at any earlier time"):
-        find(world, somewhere, predicates=FAKES)
+        find(world, somewhere)
 
 
 def test_three_roles():
@@ -432,7 +428,10 @@ def test_three_roles():
         (
             Phase(
                 "p",
-                (_term("near", "person", "car"), _term("near", "car", "third", tau_m=2.0)),
+                (
+                    _term("by", "person", "car"),
+                    _term("by", "car", "third", tau_m=2.0),
+                ),
                 1.0,
             ),
         ),
@@ -443,7 +442,7 @@ def test_three_roles():
         track(3, stay([0, 0], 4), kind="car"),
         track(4, stay([50, 0], 4)),
     )
-    events = find(world, activity, predicates=FAKES)
+    events = find(world, activity)
     assert _names(events) == [{"person": 1, "car": 3, "third": 2}]
 
 
@@ -454,7 +453,7 @@ def test_roles_that_nothing_binds_need_only_be_there():
         (Phase("p", (_term("lit", "person"), _term("lit", "car")), 1.0),),
     )
     car = track(2, stay([900, 0], 4), kind="car", begin_s=2.0)
-    events = find(stage(track(1, stay([0, 0], 4)), car), activity, predicates=FAKES)
+    events = find(stage(track(1, stay([0, 0], 4)), car), activity)
     assert (events[0].begin_s, events[0].end_s) == pytest.approx((2.0, 3.8))
 
 
@@ -463,7 +462,7 @@ def test_relations_between_phases():
         "inside",
         (PERSON, CAR),
         (
-            Phase("long", (_term("near", "person", "car"), _term("lit", "car")), 1.0),
+            Phase("long", (_term("by", "person", "car"), _term("lit", "car")), 1.0),
             Phase("short", (_term("lit", "person"),), 0.4),
         ),
         (Relation("short", "during", "long"),),
@@ -471,12 +470,12 @@ def test_relations_between_phases():
     p = np.zeros(60)
     p[20:30] = 0.9
     world = stage(track(1, stay([0, 0], 12), lit=p), track(2, stay([1, 0], 12), kind="car"))
-    events = find(world, activity, predicates=FAKES)
+    events = find(world, activity)
     assert len(events) == 1
     assert events[0].score == pytest.approx(0.9)
     assert (events[0].begin_s, events[0].end_s) == pytest.approx((0.0, 11.8))
     before = replace(activity, relations=(Relation("short", "before", "long"),))
-    assert find(world, before, predicates=FAKES)[0].begin_s == pytest.approx(4.0)
+    assert find(world, before)[0].begin_s == pytest.approx(4.0)
 
 
 def test_stretching_is_said_in_the_reasons():
@@ -489,7 +488,7 @@ def test_stretching_is_said_in_the_reasons():
         ),
     )
     p = np.concatenate([np.full(5, 0.99), np.full(20, 0.4), np.full(5, 0.01)])
-    event = find(stage(track(1, stay([0, 0], 6), lit=p)), activity, predicates=FAKES)[0]
+    event = find(stage(track(1, stay([0, 0], 6), lit=p)), activity)[0]
     assert np.prod(list(event.why.values())) == pytest.approx(event.score)
     assert (WITHOUT_BREAK in event.why) == (len(event.why) == 3)
 
@@ -497,21 +496,20 @@ def test_stretching_is_said_in_the_reasons():
 @pytest.mark.parametrize("min_score", [-0.1, 1.1, np.nan])
 def test_scores_that_cannot_be(min_score):
     with pytest.raises(InputError, match="min_score"):
-        find(stage(_parked()), LIT, min_score=float(min_score), predicates=FAKES)
+        find(stage(_parked()), LIT, min_score=float(min_score))
 
 
 def test_an_activity_that_is_wrong():
     wrong = replace(LIT, phases=(Phase("on", (_term("lti", "person"),)),))
     with pytest.raises(InputError, match="did you mean 'lit'"):
-        find(stage(_parked()), wrong, predicates=FAKES)
-    assert "lit" not in PREDICATES
+        find(stage(_parked()), wrong)
 
 
 def test_a_low_threshold_finds_no_less():
     rng = np.random.default_rng(0)
     tracks = [track(n, stay([0, 0], 10), lit=rng.uniform(0, 1, 50)) for n in range(5)]
-    strict = find(stage(*tracks), LIT, min_score=0.5, predicates=FAKES)
-    loose = find(stage(*tracks), LIT, min_score=0.1, predicates=FAKES)
+    strict = find(stage(*tracks), LIT, min_score=0.5)
+    loose = find(stage(*tracks), LIT, min_score=0.1)
     assert loose[: len(strict)] == strict
 
 
@@ -629,11 +627,11 @@ def _lamps(count, lit_at):
 def test_roles_that_nothing_binds_are_cast_from_those_who_can_play_them():
     """Of 30 people 3 are ever lit: of 24,360 casts of three only their 6 are made."""
     world = _lamps(30, {4: 0, 17: 30, 21: 60})
-    judged = judge(world, _then("a", "b", "c"), predicates=FAKES, min_score=0.5)
+    judged = judge(world, _then("a", "b", "c"), min_score=0.5)
     assert judged.casts == 6
     assert _names(judged.events) == [{"a": 4, "b": 17, "c": 21}]
     # A second lit moment of each is judged with the least score that is asked for, not with more.
-    everybody = judge(world, _then("a", "b"), predicates=FAKES, min_score=0.001)
+    everybody = judge(world, _then("a", "b"), min_score=0.001)
     assert everybody.casts == 30 * 29
 
 
@@ -649,10 +647,10 @@ def test_too_many_casts_are_refused_before_they_are_made(monkeypatch):
     monkeypatch.setattr(casting, "expand", counting)
     world = _lamps(19, {})
     lit = replace(world, tracks=replace(world.tracks, score=np.full(len(world.tracks), 0.9)))
-    assert len(find(lit, _then("a", "b"), predicates=FAKES)) > 0
+    assert len(find(lit, _then("a", "b"))) > 0
     monkeypatch.setattr(meeting, "_MOST_ROWS", 2_500_000)
     with pytest.raises(InputError, match=r"at which 4 roles .* fewer roles, say which .* near"):
-        find(lit, _then("a", "b", "c", "d"), predicates=FAKES)
+        find(lit, _then("a", "b", "c", "d"))
     assert max(made) * 3 <= 2_500_000
 
 
@@ -665,7 +663,7 @@ def test_no_event_is_lost_to_pruning(seed, people, bound):
     rng = np.random.default_rng(seed)
     world = stage(*(track(n, stay([n, 0], 3), lit=rng.uniform(0.1, 0.9, 15)) for n in range(4)))
     roles = ("a", "b")[:people]
-    terms = (_term("near", "a", "b"),) if bound and people == 2 else ()
+    terms = (_term("by", "a", "b"),) if bound and people == 2 else ()
     activity = Activity(
         "x",
         tuple(Role(name, ("person",)) for name in roles),
@@ -679,7 +677,7 @@ def test_no_event_is_lost_to_pruning(seed, people, bound):
     def found(least):
         return {
             (tuple(e.roles.values()), e.begin_s, e.end_s): e.score
-            for e in find(world, activity, predicates=FAKES, min_score=least)
+            for e in find(world, activity, min_score=least)
         }
 
     everything = found(0.001)

@@ -12,7 +12,6 @@ from scene4d.searching.activities._terms import check_term, parse_term
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.language import parse_query
 from scene4d.searching.predicates._coloured import coloured
-from scene4d.searching.predicates._registry import PREDICATES
 
 
 def colours(upper: str, lower: str, share: float = 0.9) -> np.ndarray:
@@ -89,4 +88,4 @@ def test_what_colours_do_not_say_is_refused(said, why):
 )
 def test_a_wrong_colour_in_a_catalogue_is_refused(given, why):
     with pytest.raises(InputError, match=why):
-        check_term(parse_term(f"coloured(person, {given})", PREDICATES), ("person",), PREDICATES)
+        check_term(parse_term(f"coloured(person, {given})"), ("person",))

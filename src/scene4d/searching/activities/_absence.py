@@ -1,6 +1,6 @@
 """Periods in which nobody does what is asked for, within the time in which a camera watched."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._evidence import phase_value
 from scene4d.searching.activities._terms import arguments, places_of, term_text
 from scene4d.searching.activities.definition import Activity, Term
-from scene4d.searching.predicates._registry import Predicate
+from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.searching.predicates._zones import in_view, place_of
 from scene4d.searching.predicates.stage import Stage
 
@@ -36,9 +36,7 @@ class _Nobody:
     found_s: Float[np.ndarray, "m"]
 
 
-def absences(
-    stage: Stage, activity: Activity, predicates: Mapping[str, Predicate], least: float
-) -> list[Event]:
+def absences(stage: Stage, activity: Activity, least: float) -> list[Event]:
     """Every longest period in which nobody plays the activity's role, best first.
 
     At a moment nobody does it with the product over all who are tracked of 1 - P(he does); a
@@ -47,8 +45,8 @@ def absences(
     tracked is not counted: it is no probability. Gaps in the footage end a period.
     """
     (phase,) = activity.phases
-    nobody = _nobody(stage, activity, predicates)
-    share = _share_in_view(stage, phase.terms, predicates)
+    nobody = _nobody(stage, activity)
+    share = _share_in_view(stage, phase.terms)
     found = []
     for time_s, p in nobody.spans:
         for first, last in _stretches(p >= _LIKELIER):
@@ -73,11 +71,11 @@ def absences(
 
 
 def absence_values(
-    stage: Stage, activity: Activity, predicates: Mapping[str, Predicate], event: Event
+    stage: Stage, activity: Activity, event: Event
 ) -> tuple[Float[np.ndarray, "n"], dict[str, Float[np.ndarray, "n"]]]:
     """Moments of a period and of a little before and after, and P(nobody does it) at each."""
     (phase,) = activity.phases
-    spans = _nobody(stage, activity, predicates).spans
+    spans = _nobody(stage, activity).spans
     time_s, p = next((t, p) for t, p in spans if t[0] <= event.begin_s <= t[-1])
     rows = np.flatnonzero((time_s >= event.begin_s - _LOST_S) & (time_s <= event.end_s + _LOST_S))
     rows = rows[:: max(1, len(rows) // _MOST_SHOWN)]
@@ -88,13 +86,13 @@ def _said(terms: Sequence[Term]) -> str:
     return " and ".join(map(term_text, terms))
 
 
-def _nobody(stage: Stage, activity: Activity, predicates: Mapping[str, Predicate]) -> _Nobody:
+def _nobody(stage: Stage, activity: Activity) -> _Nobody:
     if stage.watched is None:
         raise InputError(f"{activity.name!r}: when the camera was watched is not known")
     (phase,), (role,) = activity.phases, activity.roles
     tracks = stage.tracks
     rows = np.flatnonzero(np.isin(tracks.class_name, role.classes) & stage.used)
-    does = _does(stage, rows, phase.terms, predicates)
+    does = _does(stage, rows, phase.terms)
     tick = stage.tick[rows]
     origin = tracks.time_s.min() if len(tracks) else float(stage.watched[0, 0])
     spans = []
@@ -116,7 +114,6 @@ def _does(
     stage: Stage,
     rows: Int[np.ndarray, "m"],
     terms: Sequence[Term],
-    predicates: Mapping[str, Predicate],
 ) -> Float[np.ndarray, "m"]:
     """P(the terms hold) of each row; who has no place on the ground is in no zone, and what else
     cannot be judged counts one half.
@@ -124,17 +121,15 @@ def _does(
     seen = stage.rows(rows)
     p = np.ones(len(rows))
     for term in terms:
-        value = predicates[term.predicate].function(seen, **arguments(term))
+        value = PREDICATES[term.predicate].function(seen, **arguments(term))
         unknown = 0.0 if "zone" in term.parameters else _UNJUDGED
         p *= np.nan_to_num(1 - value if term.negated else value, nan=unknown)
     return np.clip(p, 0.0, 1.0)
 
 
-def _share_in_view(
-    stage: Stage, terms: Sequence[Term], predicates: Mapping[str, Predicate]
-) -> float:
+def _share_in_view(stage: Stage, terms: Sequence[Term]) -> float:
     """The least share of a zone that is in the picture."""
-    zones = places_of(terms, "zone", predicates)
+    zones = places_of(terms, "zone")
     shares = [in_view(stage, place_of(stage.zones, "zone", name)) for name in zones]
     return float(min(shares, default=1.0))
 

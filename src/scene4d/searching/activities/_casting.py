@@ -17,7 +17,7 @@ from scene4d.searching.predicates._meeting import (
     meetings,
     runs,
 )
-from scene4d.searching.predicates._registry import Predicate
+from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.searching.predicates.stage import Stage
 
 View = tuple[str, float]
@@ -82,21 +82,16 @@ def rows_of_roles(stage: Stage, activity: Activity) -> dict[str, np.ndarray]:
     }
 
 
-def unbound_roles(activity: Activity, predicates: Mapping[str, Predicate]) -> list[str]:
+def unbound_roles(activity: Activity) -> list[str]:
     """Roles that are not bound to another by a predicate such as near: everybody may play them who
     is there at the same time.
     """
-    bonds = _bonds(activity, predicates)
+    bonds = _bonds(activity)
     bound = {role for pair in bonds for role, _ in pair}
     return [role.name for role in activity.roles if role.name not in bound]
 
 
-def cast(
-    stage: Stage,
-    activity: Activity,
-    rows: Mapping[str, np.ndarray],
-    predicates: Mapping[str, Predicate],
-) -> Casts:
+def cast(stage: Stage, activity: Activity, rows: Mapping[str, np.ndarray]) -> Casts:
     """All casts of an activity whose members come close enough, with the relevant moments.
 
     ``rows`` are those of each role. Two roles are bound by the phases' terms that are improbable
@@ -108,7 +103,7 @@ def cast(
     base = next((view for view in views if view[1] == 0), None)
     if base is None:
         raise InputError(f"{activity.name}: every role has a time lag; at least one must have none")
-    bonds = _bonds(activity, predicates)
+    bonds = _bonds(activity)
     found: dict[View, np.ndarray] = {base: rows[base[0]]}
     while len(found) < len(views):
         known, new, bond = _next_link(activity.name, bonds, list(found), views)
@@ -118,7 +113,7 @@ def cast(
             found[new] = stage.row_at(stage.track_of_row[at], stage.tick[at] + shift)
         else:
             found = _joined(stage, found, (known, new), bond, rows)
-    return _ordered(stage, activity, found, base, predicates)
+    return _ordered(stage, activity, found, base)
 
 
 @dataclass(frozen=True)
@@ -129,19 +124,17 @@ class _Bond:
     free_s: float = 0.0
 
 
-def _bonds(activity: Activity, predicates: Mapping[str, Predicate]) -> dict[frozenset[View], _Bond]:
+def _bonds(activity: Activity) -> dict[frozenset[View], _Bond]:
     """Pairs of views that come near each other in some phase.
 
     If several phases bind a pair, each with its own reach, the widest reach applies.
     """
-    pairs = {
-        frozenset(views_of(term)): None for term in activity.terms if _reach_m(term, predicates)
-    }
+    pairs = {frozenset(views_of(term)): None for term in activity.terms if _reach_m(term)}
     found = {}
     for pair in pairs:
         reaches, free_s = [], 0.0
         for phase in activity.phases:
-            own = [_reach_m(t, predicates) for t in phase.terms if frozenset(views_of(t)) == pair]
+            own = [_reach_m(t) for t in phase.terms if frozenset(views_of(t)) == pair]
             tight = min(filter(None, own), default=None)
             if tight is None:
                 free_s += phase.max_s
@@ -152,18 +145,16 @@ def _bonds(activity: Activity, predicates: Mapping[str, Predicate]) -> dict[froz
     return found
 
 
-def _reach_m(term: Term, predicates: Mapping[str, Predicate]) -> float | None:
+def _reach_m(term: Term) -> float | None:
     """Distance beyond which a term of two roles is always below 0.01; None if there is none.
 
     The positions' own errors are left to the search, which widens its boxes by them.
     """
-    predicate = predicates[term.predicate]
+    predicate = PREDICATES[term.predicate]
     if predicate.holds != ("beyond" if term.negated else "within"):
         return None
     tau_m, *sigma_m = (
-        value_of(term, name, predicates)
-        for name in ("tau_m", "sigma_m")
-        if name in predicate.parameters
+        value_of(term, name) for name in ("tau_m", "sigma_m") if name in predicate.parameters
     )
     return max(predicate.outline_m + tau_m + BOUND_SIGMA * sum(sigma_m), 0.1)
 
@@ -242,13 +233,7 @@ def _consistent(stage: Stage, joined: dict[View, np.ndarray], new: View) -> dict
     return {view: row[keep] for view, row in joined.items()}
 
 
-def _ordered(
-    stage: Stage,
-    activity: Activity,
-    found: dict[View, np.ndarray],
-    base: View,
-    predicates: Mapping[str, Predicate],
-) -> Casts:
+def _ordered(stage: Stage, activity: Activity, found: dict[View, np.ndarray], base: View) -> Casts:
     columns = []
     for role in activity.roles:
         of_role = [row for view, row in found.items() if view[0] == role.name]
@@ -258,7 +243,7 @@ def _ordered(
         columns.append(np.where(row < 0, -1, stage.track_of_row[row]))
     tick = stage.tick[found[base]]
     keep = np.ones(len(tick), bool)
-    if is_symmetric(activity, predicates):
+    if is_symmetric(activity):
         keep = columns[0] < columns[1]
     order = _order([*columns, tick])
     order = order[keep[order]]
@@ -278,7 +263,7 @@ def _order(keys: list[np.ndarray]) -> Int[np.ndarray, "n"]:
     return np.arange(len(keys[0])) if (ordered | equal).all() else np.lexsort(keys[::-1])
 
 
-def is_symmetric(activity: Activity, predicates: Mapping[str, Predicate]) -> bool:
+def is_symmetric(activity: Activity) -> bool:
     """Whether swapping two roles leaves the activity unchanged."""
     if any(role.is_counted for role in activity.roles):
         return False
@@ -289,7 +274,7 @@ def is_symmetric(activity: Activity, predicates: Mapping[str, Predicate]) -> boo
 
     def said(term: Term, names: Mapping[str, str]) -> tuple:
         roles = tuple(names.get(role, role) for role in term.roles)
-        if predicates[term.predicate].symmetric and not lag_of(term):
+        if PREDICATES[term.predicate].symmetric and not lag_of(term):
             roles = tuple(sorted(roles))
         return (term.predicate, roles, tuple(sorted(term.parameters.items())), term.negated)
 

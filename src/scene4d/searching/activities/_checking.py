@@ -1,22 +1,21 @@
 """What makes an activity impossible, said before anything is searched."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
 from scene4d.core.errors import InputError
 from scene4d.core.text import nearest
 from scene4d.core.tracks import CLASSES
 from scene4d.searching.activities._terms import check_term, places_of
 from scene4d.searching.activities.definition import ALLEN, Activity, Phase, Relation, Role
-from scene4d.searching.predicates._registry import Predicate
 from scene4d.searching.predicates._zones import place_of
 from scene4d.searching.predicates.stage import Stage
 
 
-def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> None:
+def check_activity(activity: Activity) -> None:
     """Raise :class:`InputError` for an activity that can never be found or is not understood."""
     for one in activity.alternatives:
-        check_activity(one, predicates)
+        check_activity(one)
     if activity.alternatives:
         return
     try:
@@ -38,7 +37,7 @@ def check_activity(activity: Activity, predicates: Mapping[str, Predicate]) -> N
             if not phase.terms:
                 raise InputError(f"phase {phase.name!r}: no terms, expected at least one")
             for term in phase.terms:
-                check_term(term, names, predicates)
+                check_term(term, names)
         names = [phase.name for phase in activity.phases]
         if activity.state and activity.state not in names:
             raise InputError(f"state: no phase {activity.state!r}{nearest(activity.state, names)}")
@@ -91,12 +90,12 @@ def check_relation(relation: Relation, phases: Collection[str]) -> None:
         raise InputError(f"relation: {relation.first!r} is related to itself")
 
 
-def check_places(stage: Stage, activity: Activity, predicates: Mapping[str, Predicate]) -> None:
+def check_places(stage: Stage, activity: Activity) -> None:
     """Raise :class:`InputError` for places that the activity names and the stage lacks, or that
     are no zone or no line.
     """
     for kind, places in (("zone", stage.zones), ("line", stage.lines)):
-        for name in places_of(activity.terms, kind, predicates):
+        for name in places_of(activity.terms, kind):
             try:
                 place_of(places, kind, name)
             except InputError as error:

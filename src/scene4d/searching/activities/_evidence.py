@@ -1,6 +1,6 @@
 """The probability of every phase at every moment of every cast, and no more than is needed."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from scene4d.searching.activities._terms import arguments
 from scene4d.searching.activities.definition import Activity, Role, Term
 from scene4d.searching.predicates._crowd import at_least
 from scene4d.searching.predicates._meeting import expand, runs
-from scene4d.searching.predicates._registry import Predicate
+from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.searching.predicates.stage import Stage
 
 _UNJUDGED = 0.5
@@ -43,13 +43,7 @@ class Evidence:
     enough: Float[np.ndarray, "k n"] | None = None
 
 
-def gather(
-    stage: Stage,
-    activity: Activity,
-    casts: Casts,
-    predicates: Mapping[str, Predicate],
-    least_score: float,
-) -> Evidence:
+def gather(stage: Stage, activity: Activity, casts: Casts, least_score: float) -> Evidence:
     """The evidence for the casts that can still reach ``least_score``.
 
     A phase is never more probable than its best core. So terms are judged one after the other,
@@ -64,7 +58,7 @@ def gather(
     spans = [Span.of(phase, stage.step_s) for phase in activity.phases]
     drops = least_score > 0 and not played_by_several(activity)
     for statement, uses in _statements(activity):
-        values = judged[statement] = _judge(stage, casts, statement, predicates)
+        values = judged[statement] = _judge(stage, casts, statement)
         for phase, negated in uses:
             log_p[phase] += _log_probability(values, negated)
             unjudged[phase] += np.isnan(values)
@@ -159,7 +153,6 @@ def promising(
     activity: Activity,
     role: str,
     rows: Int[np.ndarray, "n"],
-    predicates: Mapping[str, Predicate],
     least_score: float,
 ) -> Int[np.ndarray, "m"]:
     """The rows of those tracks that can reach ``least_score`` by what is said of their role alone:
@@ -173,7 +166,7 @@ def promising(
     log_p = np.zeros((len(activity.phases), len(rows)))
     for statement, uses in _statements(activity):
         if statement[1] == ((role, 0.0),):
-            values = _judge(stage, alone, statement, predicates)
+            values = _judge(stage, alone, statement)
             for phase, negated in uses:
                 log_p[phase] += _log_probability(values, negated)
     best = np.maximum.reduceat(log_p, first, axis=1) if len(first) else log_p
@@ -227,9 +220,7 @@ def _statement(term: Term) -> _Statement:
     return (term.predicate, views_of(term), tuple(sorted(arguments(term).items())))
 
 
-def _judge(
-    stage: Stage, casts: Casts, statement: _Statement, predicates: Mapping[str, Predicate]
-) -> Float[np.ndarray, "n"]:
+def _judge(stage: Stage, casts: Casts, statement: _Statement) -> Float[np.ndarray, "n"]:
     """The predicate at every moment; 0 where a lagged track was not there."""
     name, views, parameters = statement
     rows = [casts.rows[view] for view in views]
@@ -240,23 +231,20 @@ def _judge(
         # A row that many casts share is judged once.
         distinct = np.flatnonzero(np.bincount(asked[0], minlength=len(stage.tracks)))
         of_row = np.full(len(stage.tracks), np.nan)
-        of_row[distinct] = _call(stage, predicates[name], [distinct], dict(parameters))
+        of_row[distinct] = _call(stage, name, [distinct], dict(parameters))
         values[there] = of_row[asked[0]]
     else:
-        values[there] = _call(stage, predicates[name], asked, dict(parameters))
+        values[there] = _call(stage, name, asked, dict(parameters))
     return values
 
 
 def _call(
-    stage: Stage,
-    predicate: Predicate,
-    rows: list[np.ndarray],
-    parameters: dict[str, float | str],
+    stage: Stage, name: str, rows: list[np.ndarray], parameters: dict[str, float | str]
 ) -> Float[np.ndarray, "n"]:
     out = np.empty(len(rows[0]))
     for begin in range(0, len(out), _BLOCK):
-        block = slice(begin, begin + _BLOCK)
-        out[block] = predicate.function(*(stage.rows(row[block]) for row in rows), **parameters)
+        block = [stage.rows(row[begin : begin + _BLOCK]) for row in rows]
+        out[begin : begin + _BLOCK] = PREDICATES[name].function(*block, **parameters)
     return np.clip(out, 0.0, 1.0)
 
 

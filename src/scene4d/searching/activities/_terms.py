@@ -2,13 +2,13 @@
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 from scene4d.core.colours import NAMES, PALETTE, PARTS, SHADES, is_colour
 from scene4d.core.errors import InputError
 from scene4d.core.text import nearest
 from scene4d.searching.activities.definition import Term
-from scene4d.searching.predicates._registry import Parameter, Predicate
+from scene4d.searching.predicates._registry import PREDICATES, Parameter, Predicate
 from scene4d.searching.predicates._relation import SIDES
 
 _LAG = "lag_s"
@@ -34,7 +34,7 @@ _UNITS = {
 }
 
 
-def parse_term(text: str, predicates: Mapping[str, Predicate]) -> Term:
+def parse_term(text: str) -> Term:
     """``not near(person, vehicle, tau_m=3)`` as a :class:`Term`; numbers may have a unit.
 
     Units are m, s, min, m/s, km/h, rad, deg, rad/s, deg/s. Raises :class:`InputError` for what is
@@ -44,7 +44,7 @@ def parse_term(text: str, predicates: Mapping[str, Predicate]) -> Term:
     if found is None:
         raise InputError(f"{text!r} is not a term; expected predicate(role, ..., parameter=value)")
     negated, name, inside = found.groups()
-    predicate = _known(name, predicates)
+    predicate = _known(name)
     roles: list[str] = []
     parameters: dict[str, float | str] = {}
     for part in filter(None, (piece.strip() for piece in inside.split(","))):
@@ -68,11 +68,11 @@ def term_text(term: Term) -> str:
     return f"{negation}{term.predicate}({', '.join([*term.roles, *given])})"
 
 
-def check_term(term: Term, roles: Iterable[str], predicates: Mapping[str, Predicate]) -> None:
+def check_term(term: Term, roles: Iterable[str]) -> None:
     """Raise :class:`InputError` for an unknown predicate, role or parameter, a wrong number of
     roles, and a value outside its range or of the wrong kind.
     """
-    predicate = _known(term.predicate, predicates)
+    predicate = _known(term.predicate)
     if len(term.roles) != predicate.arity:
         raise InputError(
             f"{term.predicate}: {len(term.roles)} roles, expected {predicate.arity}: "
@@ -100,10 +100,10 @@ def lag_of(term: Term) -> float:
     return float(term.parameters.get(_LAG, 0.0))
 
 
-def value_of(term: Term, name: str, predicates: Mapping[str, Predicate]) -> float:
+def value_of(term: Term, name: str) -> float:
     """A numeric parameter as given, or its default."""
     given = term.parameters.get(name)
-    default = predicates[term.predicate].parameters[name].default
+    default = PREDICATES[term.predicate].parameters[name].default
     return float(given if given is not None else default)  # type: ignore[arg-type]
 
 
@@ -112,23 +112,21 @@ def arguments(term: Term) -> dict[str, float | str]:
     return {key: value for key, value in term.parameters.items() if key != _LAG}
 
 
-def places_of(
-    terms: Iterable[Term], kind: str, predicates: Mapping[str, Predicate]
-) -> tuple[str, ...]:
+def places_of(terms: Iterable[Term], kind: str) -> tuple[str, ...]:
     """Names of the zones, lines or spots (``kind`` "zone", "line", "spot") of the terms."""
     names = [
         str(term.parameters[key])
         for term in terms
-        for key, parameter in predicates[term.predicate].parameters.items()
+        for key, parameter in PREDICATES[term.predicate].parameters.items()
         if parameter.unit == kind and isinstance(term.parameters.get(key), str)
     ]
     return tuple(dict.fromkeys(names))
 
 
-def _known(name: str, predicates: Mapping[str, Predicate]) -> Predicate:
-    if name not in predicates:
-        raise InputError(f"no predicate {name!r}{nearest(name, predicates)}")
-    return predicates[name]
+def _known(name: str) -> Predicate:
+    if name not in PREDICATES:
+        raise InputError(f"no predicate {name!r}{nearest(name, PREDICATES)}")
+    return PREDICATES[name]
 
 
 def _parameter(key: str, predicate: Predicate) -> Parameter:

@@ -22,7 +22,6 @@ from scene4d.searching.activities._checking import (
 )
 from scene4d.searching.activities._terms import check_term, parse_term
 from scene4d.searching.activities.definition import Activity, Phase, Relation, Role, Term
-from scene4d.searching.predicates._registry import PREDICATES, Predicate
 
 _ACTIVITY = ("description", "phrases", "labels", "roles", "phases", "relations", "state", "after")
 _PHASE = ("name", "lasts", "gap", "unseen", "holds")
@@ -34,7 +33,6 @@ _LONGEST_TEXT = 300
 def load_catalogue(
     *paths: str | os.PathLike[str],
     built_in: bool = True,
-    predicates: Mapping[str, Predicate] = PREDICATES,
 ) -> dict[str, Activity]:
     """The activities that come with the package, and those of the given files, by name.
 
@@ -45,7 +43,7 @@ def load_catalogue(
     found: dict[str, Activity] = {}
     phrases: dict[str, str] = {}
     texts = [(Path(path).name, _read(Path(path))) for path in paths]
-    given = (_Reader(name, predicates).activities(text) for name, text in texts)
+    given = (_Reader(name).activities(text) for name, text in texts)
     for activity, place in chain(_shipped() if built_in else (), *given):
         with place():
             if activity.name in found:
@@ -62,7 +60,7 @@ def load_catalogue(
 def _shipped() -> tuple[tuple[Activity, Callable], ...]:
     """The activities of the package, read once."""
     text = resources.files(__package__).joinpath(_BUILT_IN).read_text("utf-8")
-    return tuple(_Reader(_BUILT_IN, PREDICATES).activities(text))
+    return tuple(_Reader(_BUILT_IN).activities(text))
 
 
 def _read(path: Path) -> str:
@@ -75,9 +73,8 @@ def _read(path: Path) -> str:
 class _Reader:
     """One file's nodes as activities; every complaint carries the line of its node."""
 
-    def __init__(self, name: str, predicates: Mapping[str, Predicate]) -> None:
+    def __init__(self, name: str) -> None:
         self._name = name
-        self._predicates = predicates
 
     def activities(self, text: str) -> Iterator[tuple[Activity, Callable]]:
         """The activities of the file, each with a context that names its place."""
@@ -117,7 +114,7 @@ class _Reader:
             tuple(self._term(value, roles_named) for value in self._items(given.get("after"))),
         )
         with self._at(node):
-            check_activity(activity, self._predicates)
+            check_activity(activity)
         return activity
 
     def _role(self, name: str, node: yaml.Node) -> Role:
@@ -154,8 +151,8 @@ class _Reader:
 
     def _term(self, node: yaml.Node, roles: Sequence[str]) -> Term:
         with self._at(node):
-            term = parse_term(self._text(node), self._predicates)
-            check_term(term, roles, self._predicates)
+            term = parse_term(self._text(node))
+            check_term(term, roles)
         return term
 
     def _relation(self, node: yaml.Node, phases: Sequence[str]) -> Relation:

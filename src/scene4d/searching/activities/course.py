@@ -12,7 +12,6 @@ from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._evidence import gather
 from scene4d.searching.activities._terms import term_text
 from scene4d.searching.activities.definition import Activity
-from scene4d.searching.predicates._registry import PREDICATES, Predicate
 from scene4d.searching.predicates.stage import Stage
 
 _AROUND_S = 3.0
@@ -39,21 +38,16 @@ class Course:
         return "".join(_SIGNS[i] if k else " " for i, k in zip(index, known, strict=True))
 
 
-def course_of(
-    stage: Stage,
-    activity: Activity,
-    event: Event,
-    predicates: Mapping[str, Predicate] = PREDICATES,
-) -> Course | None:
+def course_of(stage: Stage, activity: Activity, event: Event) -> Course | None:
     """The course of an event of this stage; None where its cast has no moment together."""
     activity = activity.option(event.activity)
     if activity.is_of_nobody:
-        return Course(*absence_values(stage, activity, predicates, event))
+        return Course(*absence_values(stage, activity, event))
     rows = {role: _rows(stage, number, event) for role, number in event.roles.items()}
-    casts = cast(stage, activity, rows, predicates)
+    casts = cast(stage, activity, rows)
     if len(casts) == 0:
         return None
-    evidence = gather(stage, activity, casts, predicates, 0.0)
+    evidence = gather(stage, activity, casts, 0.0)
     base = next(rows for view, rows in casts.rows.items() if view[1] == 0)
     values = {
         f"{phase.name}: {term_text(term)}": own_values

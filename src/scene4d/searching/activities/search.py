@@ -1,6 +1,5 @@
 """Finding an activity in what a camera tracked."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +20,7 @@ from scene4d.searching.activities._related import align_related
 from scene4d.searching.activities._terms import value_of
 from scene4d.searching.activities.calibrated import ANNOTATED, DETECTED, calibration_of
 from scene4d.searching.activities.definition import Activity
-from scene4d.searching.predicates._registry import PREDICATES, Predicate
+from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.searching.predicates.stage import Stage
 
 MIN_SCORE = 0.05
@@ -39,24 +38,12 @@ class Judged:
     casts: int
 
 
-def find(
-    stage: Stage,
-    activity: Activity,
-    *,
-    min_score: float = MIN_SCORE,
-    predicates: Mapping[str, Predicate] = PREDICATES,
-) -> list[Event]:
+def find(stage: Stage, activity: Activity, *, min_score: float = MIN_SCORE) -> list[Event]:
     """The events of :func:`judge`, best first."""
-    return judge(stage, activity, min_score=min_score, predicates=predicates).events
+    return judge(stage, activity, min_score=min_score).events
 
 
-def judge(
-    stage: Stage,
-    activity: Activity,
-    *,
-    min_score: float = MIN_SCORE,
-    predicates: Mapping[str, Predicate] = PREDICATES,
-) -> Judged:
+def judge(stage: Stage, activity: Activity, *, min_score: float = MIN_SCORE) -> Judged:
     """Every event of the activity with at least ``min_score`` and :data:`LEAST_SCORE`.
 
     An event is the best alignment of the activity's phases for a cast of tracks (:mod:`compose`);
@@ -68,32 +55,29 @@ def judge(
     if not 0 <= min_score <= 1:
         raise InputError(f"min_score must lie between 0 and 1, found {min_score}")
     least = max(min_score, LEAST_SCORE)
-    check_activity(activity, predicates)
-    check_places(stage, activity, predicates)
+    check_activity(activity)
+    check_places(stage, activity)
     if activity.alternatives:
-        several = [
-            judge(stage, one, min_score=min_score, predicates=predicates)
-            for one in activity.alternatives
-        ]
+        several = [judge(stage, one, min_score=min_score) for one in activity.alternatives]
         events = one_per_alternative([event for one in several for event in one.events])
         return Judged(events, sum(one.casts for one in several))
     if activity.is_of_nobody:
-        return Judged(absences(stage, activity, predicates, least), 0)
+        return Judged(absences(stage, activity, least), 0)
     rows = rows_of_roles(stage, activity)
     counted = played_by_several(activity)
     if len(rows) > 1 and not counted:
-        for role in unbound_roles(activity, predicates):
-            rows[role] = promising(stage, activity, role, rows[role], predicates, least)
-    casts = cast(stage, activity, rows, predicates)
+        for role in unbound_roles(activity):
+            rows[role] = promising(stage, activity, role, rows[role], least)
+    casts = cast(stage, activity, rows)
     found = []
     for batch in [casts] if counted else casts.batches():
-        evidence = gather(stage, activity, batch, predicates, least)
+        evidence = gather(stage, activity, batch, least)
         for number, aligned in _align(evidence, activity, stage.step_s, least):
             found.append(found_event(stage, activity, evidence, number, aligned))
     events = one_per_occurrence(
         found,
-        symmetric=is_symmetric(activity, predicates),
-        crowd_m=_crowd_reach_m(activity, predicates),
+        symmetric=is_symmetric(activity),
+        crowd_m=_crowd_reach_m(activity),
     )
     calibration = calibration_of(activity, DETECTED if stage.everybody else ANNOTATED)
     events = [replace(event, calibration=calibration) for event in events]
@@ -114,12 +98,12 @@ def _align(
     return align(moments, *logs, spans, step_s, least)
 
 
-def _crowd_reach_m(activity: Activity, predicates: Mapping[str, Predicate]) -> float:
+def _crowd_reach_m(activity: Activity) -> float:
     """Distance within which two doers of an activity do it together: across a crowd, or 0."""
     radii = [
-        2 * value_of(term, "radius_m", predicates)
+        2 * value_of(term, "radius_m")
         for term in activity.terms
-        if "radius_m" in predicates[term.predicate].parameters and not term.negated
+        if "radius_m" in PREDICATES[term.predicate].parameters and not term.negated
     ]
     # Those who are counted do it together, wherever they are.
     return float("inf") if played_by_several(activity) else float(np.max(radii, initial=0.0))

@@ -14,7 +14,6 @@ import yaml
 
 from scene4d.searching.activities._terms import parse_term, term_text
 from scene4d.searching.activities.definition import Term
-from scene4d.searching.predicates._registry import PREDICATES
 
 _TABLES = ("pronouns", "articles", "things", "sets", "day", "colours", "ways")
 _VERB_BEFORE_NOUN = ("VERB", "AUX", "NOUN", "ADJ", "ADV")
@@ -213,9 +212,7 @@ def _terms(entry: Mapping) -> dict:
 
 
 def _term(value: Any) -> Any:
-    return (
-        [_term(one) for one in value] if isinstance(value, list) else parse_term(value, PREDICATES)
-    )
+    return [_term(one) for one in value] if isinstance(value, list) else parse_term(value)
 
 
 def _tuples(entry: Mapping) -> dict:

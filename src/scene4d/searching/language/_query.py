@@ -27,7 +27,6 @@ from scene4d.searching.language._refusals import refusal_at
 from scene4d.searching.language._sentences import Choice, Clock, options_of
 from scene4d.searching.language._times import window_of
 from scene4d.searching.language._words import Word, read_words, refuse, refused
-from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.searching.predicates._when import Window
 
 _MOST_EXPECTED = 12
@@ -113,7 +112,7 @@ def _one(
         raise refuse(text, 0, NOBODY)
     _check_possible(piece, discourse)
     activity = _activity(piece, discourse, text, catalogue)
-    check_activity(activity, PREDICATES)
+    check_activity(activity)
     window = _window_of(sentence.clocks, discourse, notes)
     terms = [term_text(term) for term in activity.terms]
     for spot in activity.spots:

@@ -168,5 +168,5 @@ _ALL = (
     _predicate(arm_moving_up, "keypoint"),
     _predicate(arm_moving_down, "keypoint"),
 )
-PREDICATES: Mapping[str, Predicate] = MappingProxyType({one.name: one for one in _ALL})
+PREDICATES: Mapping[str, Predicate] = {one.name: one for one in _ALL}
 """Every predicate that activities may use."""
