@@ -17,14 +17,14 @@ from jaxtyping import Float, Int
 from scene4d.core.placement import Placement
 from scene4d.core.progress import Progress, timed
 from scene4d.core.tracks import Tracks
-from scene4d.searching._asking import Asked, of_pictures, second_of_day
+from scene4d.searching._asking import Asked, in_window, of_pictures
 from scene4d.searching._places import in_site
 from scene4d.searching._spots import Clip, FoundSpot, Memory, Piece
 from scene4d.searching.activities._events import Event
 from scene4d.searching.activities.course import Course, course_of
 from scene4d.searching.activities.search import judge
 from scene4d.searching.predicates.stage import Stage
-from scene4d.searching.result import FoundEvent, SearchResult
+from scene4d.searching.result import FoundEvent, SearchResult, around, rank
 from scene4d.store.runs import Run
 from scene4d.store.site import STEP_S, Site
 
@@ -34,7 +34,6 @@ end not quite alike."""
 _STRETCH_S, _OVERLAP_S = 3600.0, 300.0
 """Fused tracks are searched an hour at a time, with so much of the hour before; what takes longer
 than the second is found in pieces."""
-_AROUND_S = 4.0
 
 
 def answer_site(
@@ -60,7 +59,7 @@ def answer_site(
             with timed(result.timings, "search"):
                 _search_stretch(result, stretch, name)
             step(1)
-    result.events = _once(sorted(result.events, key=_rank))
+    result.events = _once(sorted(result.events, key=rank))
     top = asked.options.top
     result.events[top:] = [replace(one, around=None, course=None) for one in result.events[top:]]
     return result
@@ -90,6 +89,10 @@ class _Stretches:
             with timed(self.result.timings, "load"):
                 self._last = begin_s, self._read(begin_s)
         return self._last[1]
+
+    def stage(self, begin_s: float) -> Stage:
+        """What of it is searched."""
+        return self(begin_s).stage
 
     def _read(self, begin_s: float) -> _Stretch:
         site, places = self.site, self.result.asked.of_site
@@ -129,7 +132,7 @@ def _memory(stretches: _Stretches) -> Memory | None:
     ]
     pieces = {
         str(begin_s): Piece(
-            partial(_stage_of, stretches, begin_s),
+            partial(stretches.stage, begin_s),
             asked.scene.classes,
             partial(_clips_of, stretches, begin_s, clips, start_s),
             (begin_s - _OVERLAP_S, begin_s + _STRETCH_S),
@@ -138,10 +141,6 @@ def _memory(stretches: _Stretches) -> Memory | None:
         for begin_s in stretches.begins
     }
     return Memory(asked.query.activity, pieces, [clip for _, clip in clips])
-
-
-def _stage_of(stretches: _Stretches, begin_s: float) -> Stage:
-    return stretches(begin_s).stage
 
 
 def _clips_of(
@@ -198,8 +197,7 @@ def _seen_best(event: Event, stretch: _Stretch, asked: Asked) -> FoundEvent | No
     """An event in the clip of the camera that saw most of it; None outside the time asked for."""
     site = asked.site
     assert site is not None
-    who = list(event.roles.values())
-    rows = {name: _during(one, event, who) for name, one in stretch.seen.items()}
+    rows = {name: _playing(one, event) for name, one in stretch.seen.items()}
     cameras = sorted((name for name in rows if len(rows[name])), key=lambda n: -len(rows[n]))
     if not cameras:
         return None
@@ -207,20 +205,18 @@ def _seen_best(event: Event, stretch: _Stretch, asked: Asked) -> FoundEvent | No
     run, clock = min(
         site.runs(cameras[0]), key=lambda one: _outside(one[0], one[1].in_clip(event.begin_s))
     )
-    window, begin_s = asked.query.window, clock.in_clip(event.begin_s)
+    begin_s = clock.in_clip(event.begin_s)
     shift_s = event.begin_s - begin_s
-    if window is not None and not (
-        run.start_known and window.contains(second_of_day(run, begin_s))
-    ):
+    if not in_window(run, begin_s, asked.query.window):
         return None
     frames = [
         int(best.frame[np.abs(best.time_s - moment).argmin()])
         for moment in (event.begin_s, event.end_s)
     ]
     here = replace(event, begin_s=begin_s, end_s=event.end_s - shift_s)
-    around = _own(stretch.seen[cameras[0]], event, site.placements[cameras[0]], shift_s)
+    own = _own(stretch.seen[cameras[0]], event, site.placements[cameras[0]], shift_s)
     across = _told(event.roles, cameras, event.begin_s, event.end_s)
-    return FoundEvent(here, run, frames[0], frames[1], around, across=across)
+    return FoundEvent(here, run, frames[0], frames[1], own, across=across)
 
 
 def _on_ground_of(found: FoundEvent, spot: FoundSpot, asked: Asked) -> FoundSpot:
@@ -237,16 +233,15 @@ def _outside(run: Run, time_s: float) -> float:
     return max(begin - time_s, time_s - end, 0.0)
 
 
-def _during(tracks: Tracks, event: Event, who: Sequence[int]) -> Tracks:
+def _playing(tracks: Tracks, event: Event) -> Tracks:
+    """The rows of those who take part, while it lasts."""
     time = (tracks.time_s >= event.begin_s) & (tracks.time_s <= event.end_s)
-    return tracks.select(time & np.isin(tracks.track, who))
+    return tracks.select(time & np.isin(tracks.track, list(event.roles.values())))
 
 
 def _own(tracks: Tracks, event: Event, placement: Placement, shift_s: float) -> Tracks:
     """Rows at about the time of an event, on the camera's own ground and in its clip's time."""
-    time = tracks.time_s
-    near = (time >= event.begin_s - _AROUND_S) & (time <= event.end_s + _AROUND_S)
-    rows = tracks.select(near)
+    rows = around(tracks, event)
     xy = placement.inverse().points(rows.xy_m)
     return replace(rows, time_s=rows.time_s - shift_s, xy_m=xy)
 
@@ -314,7 +309,3 @@ def _at_once(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> bool:
     assert one is not None
     later = max(one["site_begin_s"], other["site_begin_s"])
     return bool(later - min(one["site_end_s"], other["site_end_s"]) <= _SAME_S)
-
-
-def _rank(found: FoundEvent) -> tuple[float, str, float]:
-    return (-found.event.score, found.run.run, found.event.begin_s)

@@ -16,13 +16,13 @@ from scene4d.searching.activities.calibrated import ANNOTATED, DETECTED, calibra
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.activities.search import LEAST_SCORE, MIN_SCORE
 from scene4d.searching.language import Query, Window, parse_query
+from scene4d.searching.predicates._when import DAY_S
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
 from scene4d.store.site import Site
 
 EVERYTHING = "all activities"
 """Asks for every activity of the catalogue."""
-_DAY_S = 86_400.0
 _OF_PICTURES = {
     *("appears", "appears_from", "disappears", "disappears_into"),
     *("stooping", "arm_moving_up", "arm_moving_down"),
@@ -234,18 +234,25 @@ def _used(query: Query, places: Places) -> set[str]:
     return used
 
 
-def _check_window(scene: Scene, query: Query) -> list[str]:
-    """Notes on the time of day; raises if it is unknown for all runs."""
-    runs = [run for run in scene.runs if run.rows]
-    unknown = sum(not run.start_known for run in runs)
-    if unknown == len(runs):
+def _without_start(scene: Scene, query: Query, wanted: str | None) -> tuple[int, int]:
+    """How many clips do not know when they began, of how many; raises where these are all, and
+    something is ``wanted`` for which it must be known.
+    """
+    known = [run.start_known for run in scene.runs if run.rows]
+    if wanted is not None and not any(known):
         raise InputError(
-            f"{query.text!r} asks for a time of day, but the start of the footage is unknown: "
+            f"{query.text!r} asks for {wanted}, but the start of the footage is unknown: "
             "track it again with its start, such as 2026-11-20T08:00:00Z"
         )
+    return known.count(False), len(known)
+
+
+def _check_window(scene: Scene, query: Query) -> list[str]:
+    """Notes on the time of day; raises if it is unknown for all runs."""
+    unknown, clips = _without_start(scene, query, "a time of day")
     notes = ["times of day are UTC; an event belongs to the time at which it begins"]
     if unknown:
-        notes.append(f"{unknown} of {len(runs)} clips are left out: their start is not known")
+        notes.append(f"{unknown} of {clips} clips are left out: their start is not known")
     return notes
 
 
@@ -260,20 +267,15 @@ def _check_clocks(scene: Scene, query: Query, *, is_one: bool) -> list[str]:
     """
     if not query.activity.spots:
         return []
-    runs = [run for run in scene.runs if run.rows]
-    unknown = sum(not run.start_known for run in runs)
-    for spot in query.activity.spots:
-        if unknown == len(runs) and (spot.when.day is not None or spot.when.clock is not None):
-            raise InputError(
-                f"{query.text!r} asks for {str(spot.when)!r}, but the start of the footage is "
-                "unknown: track it again with its start, such as 2026-11-20T08:00:00Z"
-            )
+    whens = [spot.when for spot in query.activity.spots]
+    dated = [repr(str(w)) for w in whens if w.day is not None or w.clock is not None]
+    unknown, clips = _without_start(scene, query, next(iter(dated), None))
     notes: list[str] = []
     if is_one:
         return notes
-    if unknown and len(runs) > 1:
+    if unknown and clips > 1:
         notes.append(
-            f"the start of {unknown} of {len(runs)} clips is not known: who was where is looked up "
+            f"the start of {unknown} of {clips} clips is not known: who was where is looked up "
             "in the same clip only there"
         )
     if len(scene.cameras) > 1:
@@ -295,26 +297,32 @@ def reaches(run: Run, window: Window | None) -> bool:
     begin_s = min(begin_s for begin_s, _ in spans)
     length_s = max(end_s for _, end_s in spans) - begin_s
     first = second_of_day(run, begin_s)
-    return window.contains(first) or (window.begin_s - first) % _DAY_S <= length_s
+    return window.contains(first) or (window.begin_s - first) % DAY_S <= length_s
 
 
-def within_window(
-    spans: Float[np.ndarray, "s 4"], run: Run, window: Window
-) -> Float[np.ndarray, "k 4"]:
-    """Spans of time (begin, end, and their frames), cut to a time of day."""
+def watched_within(run: Run, window: Window | None) -> Float[np.ndarray, "s 4"] | None:
+    """When a run's camera was watched (begin, end, and their frames), within a time of day; None
+    where it is not known.
+    """
+    if run.watched is None or window is None:
+        return None if run.watched is None else np.array(run.watched)
     found = []
-    for begin, end, first, last in spans.tolist():
-        start = begin - second_of_day(run, begin) - _DAY_S
-        length_s = (window.end_s - window.begin_s) % _DAY_S or _DAY_S
-        for day in np.arange(start, end, _DAY_S):
+    for begin, end, first, last in run.watched:
+        start = begin - second_of_day(run, begin) - DAY_S
+        for day in np.arange(start, end, DAY_S):
             a = max(begin, float(day) + window.begin_s)
-            b = min(end, float(day) + window.begin_s + length_s)
+            b = min(end, float(day) + window.begin_s + window.length_s)
             if a < b:
                 frames = np.interp([a, b], [begin, end], [first, last])
                 found.append([a, b, *frames])
     return np.array(found, float).reshape(-1, 4)
 
 
+def in_window(run: Run, time_s: float, window: Window | None) -> bool:
+    """Whether a moment of a run lies in a time of day (None: any)."""
+    return window is None or (run.start_known and window.contains(second_of_day(run, time_s)))
+
+
 def second_of_day(run: Run, time_s: float) -> float:
     """Seconds since midnight, UTC, of a run whose start is known."""
-    return (run.moment_ns(time_s) / 1e9) % _DAY_S
+    return (run.moment_ns(time_s) / 1e9) % DAY_S

@@ -1,12 +1,11 @@
 """``search``: every event that words ask for, in all runs of a scene, best first."""
 
 import os
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
 
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
@@ -16,24 +15,21 @@ from scene4d.searching._across import answer_site
 from scene4d.searching._asking import (
     Asked,
     SearchOptions,
+    in_window,
     reaches,
-    second_of_day,
     tracks_of,
     understand,
-    within_window,
+    watched_within,
 )
-from scene4d.searching._places import Places
 from scene4d.searching._spots import Clip, Memory, pieces_of_runs, start_s
-from scene4d.searching.activities._events import Event
 from scene4d.searching.activities._terms import lag_of, places_of
 from scene4d.searching.activities.calibrated import ANNOTATED, DETECTED
 from scene4d.searching.activities.course import course_of
 from scene4d.searching.activities.definition import Activity
 from scene4d.searching.activities.search import judge
-from scene4d.searching.language import Window
 from scene4d.searching.predicates._registry import PREDICATES
 from scene4d.searching.predicates.stage import Stage
-from scene4d.searching.result import FoundEvent, SearchResult
+from scene4d.searching.result import FoundEvent, SearchResult, around, rank
 from scene4d.searching.stages import STEP_S, kept_moments, stage_of
 from scene4d.store.query import Scene
 from scene4d.store.runs import Run
@@ -42,9 +38,6 @@ from scene4d.store.site import Site
 from scene4d.store.site_file import is_site
 
 _Place = str | os.PathLike[str] | Scene | Site
-_AROUND_S = 4.0
-"""Rows this long before and after an event are kept to show it; chosen by hand: long enough to see
-where somebody came from."""
 _DRAWN = ("velocity", "heading", "box")
 """Columns of these."""
 
@@ -72,17 +65,17 @@ def search(
 
 def opened(*places: _Place) -> Scene | Site:
     """One scene of several, or the one site; raises :class:`InputError` for a site among others."""
-    sites = [one for one in places if isinstance(one, Site) or _is_site(one)]
+    sites = [
+        one
+        for one in places
+        if isinstance(one, Site) or (isinstance(one, str | os.PathLike) and is_site(one))
+    ]
     if not sites:
         return Scene.open(*[one for one in places if not isinstance(one, Site)])
     if len(places) > 1:
         raise InputError(f"{len(places)} places with a site among them; search a site by itself")
     (site,) = sites
     return Site.open(site) if isinstance(site, str | os.PathLike) else site
-
-
-def _is_site(place: _Place) -> bool:
-    return isinstance(place, str | os.PathLike) and is_site(place)
 
 
 def answer(asked: Asked, progress: Progress) -> SearchResult:
@@ -164,8 +157,8 @@ def explained(result: SearchResult) -> None:
         found = result.events[number]
         stage = reader(found.run)
         course = course_of(stage, asked.query.activity, found.event)
-        around = _around(stage.tracks, found.event)
-        result.events[number] = replace(found, course=course, around=around)
+        rows = around(stage.tracks, found.event)
+        result.events[number] = replace(found, course=course, around=rows)
 
 
 def _runs(asked: Asked) -> list[Run]:
@@ -189,17 +182,6 @@ def _runs(asked: Asked) -> list[Run]:
         and activity.playable_by(run.classes)
         and reaches(run, asked.query.window)
     ]
-
-
-def _watched_all(asked: Asked, run: Run) -> Float[np.ndarray, "s 4"] | None:
-    """When the camera was watched, within the time of day that is asked for; None where it is not
-    known.
-    """
-    if run.watched is None:
-        return None
-    spans = np.array(run.watched)
-    window = asked.query.window
-    return spans if window is None else within_window(spans, run, window)
 
 
 def _seeing(asked: Asked) -> list[str]:
@@ -231,15 +213,14 @@ def staged_run(
     if COLOURS in groups:
         _check_colours(run)
     tracks, step_s = lean_tracks(asked.scene.only(run.run), STEP_S, groups)
-    places: Places = asked.places
     stage = stage_of(
         tracks,
         calibration,
         step_s=step_s,
-        zones=places.of(run.camera, "zone"),
-        lines=places.of(run.camera, "line"),
+        zones=asked.places.of(run.camera, "zone"),
+        lines=asked.places.of(run.camera, "line"),
         everybody=everybody,
-        watched=_watched_all(asked, run),
+        watched=watched_within(run, asked.query.window),
     )
     if not everybody:
         from scene4d.searching.activities.identity import unite_tracks  # SciPy's graphs load slowly
@@ -288,7 +269,7 @@ def _search_run(result: SearchResult, stage: Stage, run: Run) -> None:
     result.rows += len(stage.tracks)
     judged = judge(stage, asked.query.activity, min_score=min(asked.least_score, 1.0))
     found = [event for event in judged.events if asked.wants(event)]
-    events = _in_window(asked.query.window, run, found)
+    events = [event for event in found if in_window(run, event.begin_s, asked.query.window)]
     if not events:
         result.candidates += judged.casts
     memory = result.memory
@@ -296,20 +277,4 @@ def _search_run(result: SearchResult, stage: Stage, run: Run) -> None:
     for number, event in enumerate(events):
         begin, end = stage.frame_at(event.begin_s), stage.frame_at(event.end_s)
         result.events.append(FoundEvent(event, run, begin, end, spots=spots[number]))
-    result.events.sort(key=_rank)
-
-
-def _in_window(window: Window | None, run: Run, events: Iterable[Event]) -> list[Event]:
-    if window is None:
-        return list(events)
-    return [event for event in events if window.contains(second_of_day(run, event.begin_s))]
-
-
-def _around(tracks: Tracks, event: Event) -> Tracks:
-    time = tracks.time_s
-    near = (time >= event.begin_s - _AROUND_S) & (time <= event.end_s + _AROUND_S)
-    return tracks.select(np.flatnonzero(near))
-
-
-def _rank(found: FoundEvent) -> tuple[float, str, float]:
-    return (-found.event.score, found.run.run, found.event.begin_s)
+    result.events.sort(key=rank)

@@ -25,6 +25,9 @@ _NOT_CALIBRATED = (
     "stand there. The score ranks events"
 )
 _KPF = (".geom.yml", ".types.yml")
+_AROUND_S = 4.0
+"""Rows this long before and after an event are kept to show it; chosen by hand: long enough to see
+where somebody came from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,15 +83,11 @@ class FoundEvent:
         null if the clip's start is unknown; null also for a predicate that cannot be judged.
         """
         event = self.event
-        begin, end = self.run.moment(event.begin_s), self.run.moment(event.end_s)
         return {
             "activity": event.activity,
             "score": event.score,
             "probability": event.probability,
-            "begin_s": event.begin_s,
-            "end_s": event.end_s,
-            "begin_time": None if begin is None else iso_ms(begin),
-            "end_time": None if end is None else iso_ms(end),
+            **_times(self.run, event.begin_s, event.end_s),
             "begin_frame": self.begin_frame,
             "end_frame": self.end_frame,
             "camera": self.run.camera,
@@ -232,6 +231,17 @@ class SearchResult:
         return write_page(self, Path(out), progress or Silent(), command)
 
 
+def rank(found: FoundEvent) -> tuple[float, str, float]:
+    """Sorts the best event first."""
+    return (-found.event.score, found.run.run, found.event.begin_s)
+
+
+def around(tracks: Tracks, event: Event) -> Tracks:
+    """The rows at about the time of an event."""
+    time = tracks.time_s
+    return tracks.select((time >= event.begin_s - _AROUND_S) & (time <= event.end_s + _AROUND_S))
+
+
 def clip_name(run: Run) -> str:
     """The file name of a run's footage, without folders; for annotations without extension."""
     source = run.provenance.get("source") or run.provenance.get("annotations")
@@ -271,17 +281,13 @@ def why_groups(why: Mapping[str, float]) -> list[tuple[str, list[tuple[str, str,
 
 
 def _spot_dict(spot: FoundSpot) -> dict[str, Any]:
-    begin, end = (spot.run.moment(time_s) for time_s in (spot.begin_s, spot.end_s))
     return {
         "spot": spot.name,
         "role": spot.role,
         "track": spot.track,
         "camera": spot.run.camera,
         "run": spot.run.run,
-        "begin_s": spot.begin_s,
-        "end_s": spot.end_s,
-        "begin_time": None if begin is None else iso_ms(begin),
-        "end_time": None if end is None else iso_ms(end),
+        **_times(spot.run, spot.begin_s, spot.end_s),
         "x_m": spot.xy_m[0],
         "y_m": spot.xy_m[1],
         "distance_m": spot.distance_m,
@@ -300,6 +306,12 @@ def _spot_note(spot: FoundSpot) -> str:
         f"{spot.distance_m:.1f} m from {spot.name!r}: track {spot.track} of camera "
         f"{spot.run.camera}, run {spot.run.run}, {when}"
     )
+
+
+def _times(run: Run, begin_s: float, end_s: float) -> dict[str, Any]:
+    """A span in the clip, and as times of day."""
+    begin, end = (one and iso_ms(one) for one in (run.moment(begin_s), run.moment(end_s)))
+    return {"begin_s": begin_s, "end_s": end_s, "begin_time": begin, "end_time": end}
 
 
 def _count(number: int, what: str) -> str:

@@ -17,7 +17,7 @@ import numpy as np
 from scene4d.core.calibration import Calibration
 from scene4d.core.errors import InputError
 from scene4d.core.tracks import Tracks
-from scene4d.searching._asking import SearchOptions, second_of_day
+from scene4d.searching._asking import SearchOptions, in_window
 from scene4d.searching._places import Places
 from scene4d.searching.activities._casting import is_symmetric
 from scene4d.searching.activities._events import Event
@@ -166,11 +166,10 @@ class StandingSearches:
         if not query.activity.playable_by(classes):
             return []
         events = judge(stage, query.activity, min_score=self._options.min_score).events
-        window = query.window
         return [
             FoundEvent(one, run, stage.frame_at(one.begin_s), stage.frame_at(one.end_s))
             for one in events
-            if window is None or window.contains(second_of_day(run, one.begin_s))
+            if in_window(run, one.begin_s, query.window)
         ]
 
 

@@ -178,7 +178,7 @@ def test_no_text_raises_anything_else(tmp_path_factory, text):
     path = tmp_path_factory.mktemp("garbage") / "any.yaml"
     path.write_text(text, "utf-8", errors="replace")
     with pytest.raises(InputError):
-        load_catalogue(path, built_in=False)
+        load_catalogue(path)
 
 
 def test_units_are_converted():

@@ -11,7 +11,7 @@ from scene4d.core.errors import InputError
 from scene4d.searching.activities._terms import check_term, parse_term
 from scene4d.searching.activities.catalogue import load_catalogue
 from scene4d.searching.language import parse_query
-from scene4d.searching.predicates._coloured import coloured
+from scene4d.searching.predicates._looks import coloured
 
 
 def colours(upper: str, lower: str, share: float = 0.9) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from predicate_stages import rows_of, stage_of, straight
 
-from scene4d.searching.predicates._size import longer_than, taller_than
+from scene4d.searching.predicates._looks import longer_than, taller_than
 
 SIZE_M, SIGMA_M = np.array([6.3, 2.1, 1.9]), np.array([0.7, 0.2, 0.15])
 

@@ -46,7 +46,8 @@ def absences(stage: Stage, activity: Activity, least: float) -> list[Event]:
     """
     (phase,) = activity.phases
     nobody = _nobody(stage, activity)
-    share = _share_in_view(stage, phase.terms)
+    zones = [place_of(stage.zones, "zone", name) for name in places_of(phase.terms, "zone")]
+    share = float(min((in_view(stage, zone) for zone in zones), default=1.0))
     found = []
     for time_s, p in nobody.spans:
         for first, last in _stretches(p >= _LIKELIER):
@@ -125,13 +126,6 @@ def _does(
         unknown = 0.0 if "zone" in term.parameters else _UNJUDGED
         p *= np.nan_to_num(1 - value if term.negated else value, nan=unknown)
     return np.clip(p, 0.0, 1.0)
-
-
-def _share_in_view(stage: Stage, terms: Sequence[Term]) -> float:
-    """The least share of a zone that is in the picture."""
-    zones = places_of(terms, "zone")
-    shares = [in_view(stage, place_of(stage.zones, "zone", name)) for name in zones]
-    return float(min(shares, default=1.0))
 
 
 def _stretches(holds: np.ndarray) -> Iterator[tuple[int, int]]:

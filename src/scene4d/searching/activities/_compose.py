@@ -217,14 +217,11 @@ class _Table:
         self.value: list[np.ndarray] = []
         for number, span in enumerate(spans):
             first, core = cores(moments, log_p[number], span.shortest)
-            before = self._before(number, first) if number else 0.0
+            if number:
+                core = core + window_max(self._reached(number - 1), *self._gap(number, first))
             self.core_first.append(first)
             # Rounded, so that equal values stay equal whatever was summed before them.
-            self.value.append(np.round(core + before, _DECIMALS))
-
-    def _before(self, number: int, first: Int[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
-        """Best value of the earlier phases, for cores that begin at ``first``."""
-        return window_max(self._reached(number - 1), *self._gap(number, first))
+            self.value.append(np.round(core, _DECIMALS))
 
     def _gap(
         self, number: int, first: Int[np.ndarray, "m"]

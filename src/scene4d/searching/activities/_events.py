@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.searching.activities._compose import Aligned
-from scene4d.searching.activities._evidence import Evidence, at_least_text, phase_value
+from scene4d.searching.activities._evidence import Evidence, phase_value, played_by_several
 from scene4d.searching.activities._terms import term_text
 from scene4d.searching.activities.calibrated import ScoreCalibration
 from scene4d.searching.activities.definition import Activity
@@ -65,16 +65,16 @@ def found_event(
     stage: Stage, activity: Activity, evidence: Evidence, cast: int, aligned: Aligned
 ) -> Found:
     """The event of an alignment; ``aligned`` counts the moments of ``evidence.casts``."""
-    casts = evidence.casts
+    casts, counted = evidence.casts, played_by_several(activity)
     why = {}
     for number, (phase, (first, last)) in enumerate(
         zip(activity.phases, aligned.core, strict=True)
     ):
         for term, values in zip(phase.terms, evidence.terms[number], strict=True):
             why[f"{phase.name}: {term_text(term)}"] = phase_value(values[first : last + 1])
-        if evidence.enough is not None:
+        if counted is not None and evidence.enough is not None:
             so_many = evidence.enough[number][first : last + 1]
-            why[f"{phase.name}: {at_least_text(activity)}"] = phase_value(so_many)
+            why[f"{phase.name}: {counted.how_many} ({counted.name})"] = phase_value(so_many)
     if aligned.stretched < -0.01:
         why[WITHOUT_BREAK] = float(np.exp(aligned.stretched))
     score = float(np.exp(min(aligned.log_score, 0.0)))

@@ -78,9 +78,10 @@ def gather(stage: Stage, activity: Activity, casts: Casts, least_score: float) -
         tuple(_negated(judged[_statement(term)], term.negated) for term in phase.terms)
         for phase in activity.phases
     )
-    if not played_by_several(activity):
+    counted = played_by_several(activity)
+    if counted is None:
         return Evidence(casts, log_p, log_judged, terms)
-    enough = _enough(activity, casts, terms)
+    enough = _enough(activity, counted, casts, terms)
     log_enough = np.log(np.maximum(enough, FLOOR))
     return Evidence(casts, log_p + log_enough, log_judged + log_enough, terms, enough)
 
@@ -90,24 +91,14 @@ def played_by_several(activity: Activity) -> Role | None:
     return next((role for role in activity.roles if role.is_counted), None)
 
 
-def at_least_text(activity: Activity) -> str:
-    """How many play the role that several play, in words."""
-    role = played_by_several(activity)
-    if role is None:
-        return ""
-    return f"{'exactly' if role.exactly else 'at least'} {role.count} ({role.name})"
-
-
 def _enough(
-    activity: Activity, casts: Casts, terms: tuple[tuple[np.ndarray, ...], ...]
+    activity: Activity, role: Role, casts: Casts, terms: tuple[tuple[np.ndarray, ...], ...]
 ) -> Float[np.ndarray, "k n"]:
     """P(so many others are as the phase says of the role that several play), at every moment.
 
     Others are those of the same moment with the same partners; each is so with the product of what
     is said of him, 0 where that cannot be judged, independently of the rest.
     """
-    role = played_by_several(activity)
-    assert role is not None
     names = [one.name for one in activity.roles]
     who = np.repeat(np.delete(casts.tracks, names.index(role.name), axis=1), casts.count, axis=0)
     keys = [*who.T, casts.tick]

@@ -8,7 +8,7 @@ from scene4d.core.colours import NAMES, PALETTE, PARTS, SHADES, is_colour
 from scene4d.core.errors import InputError
 from scene4d.core.text import nearest
 from scene4d.searching.activities.definition import Term
-from scene4d.searching.predicates._registry import PREDICATES, Parameter, Predicate
+from scene4d.searching.predicates._registry import NAMED, PREDICATES, Parameter, Predicate
 from scene4d.searching.predicates._relation import SIDES
 
 _LAG = "lag_s"
@@ -32,6 +32,9 @@ _UNITS = {
     "rad/s": ("rad/s", 1.0),
     "deg/s": ("rad/s", math.pi / 180),
 }
+
+_NAMES = {"side": SIDES, "part": PARTS, "colour": (*NAMES, *SHADES, *PALETTE)}
+"""What there is of that which is not named in a scene."""
 
 
 def parse_term(text: str) -> Term:
@@ -147,20 +150,15 @@ def _value(what: str, text: str, unit: str) -> float | str:
 
 
 def _check_value(predicate: str, key: str, value: float | str, parameter: Parameter) -> None:
-    named = parameter.unit in ("zone", "line", "spot", "side", "colour", "part")
+    unit, named = parameter.unit, parameter.unit in NAMED
     if named != isinstance(value, str):
-        kind = f"the name of a {parameter.unit}" if named else f"a number of {parameter.unit}"
+        kind = f"the name of a {unit}" if named else f"a number of {unit}"
         raise InputError(f"{predicate}: {key} must be {kind}, found {value!r}")
-    if parameter.unit == "side" and value not in SIDES:
-        raise InputError(f"{predicate}: no side {value!r}{nearest(str(value), SIDES)}")
-    if parameter.unit == "part" and value not in PARTS:
-        raise InputError(f"{predicate}: no part {value!r}{nearest(str(value), PARTS)}")
-    if parameter.unit == "colour" and not is_colour(str(value)):
-        known = (*NAMES, *SHADES, *PALETTE)
-        raise InputError(f"{predicate}: no colour {value!r}{nearest(str(value), known)}")
     if isinstance(value, str):
-        return
-    if not parameter.low <= value <= parameter.high:
+        known = _NAMES.get(unit, ())
+        if known and not (is_colour(value) if unit == "colour" else value in known):
+            raise InputError(f"{predicate}: no {unit} {value!r}{nearest(value, known)}")
+    elif not parameter.low <= value <= parameter.high:
         raise InputError(
             f"{predicate}: {key} must lie between {parameter.low:g} and {parameter.high:g}, "
             f"found {value}"

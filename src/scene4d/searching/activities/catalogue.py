@@ -30,10 +30,7 @@ _LONGEST_TEXT = 300
 """Characters, twice what the package's own catalogue needs, so that messages can quote any text."""
 
 
-def load_catalogue(
-    *paths: str | os.PathLike[str],
-    built_in: bool = True,
-) -> dict[str, Activity]:
+def load_catalogue(*paths: str | os.PathLike[str]) -> dict[str, Activity]:
     """The activities that come with the package, and those of the given files, by name.
 
     Raises :class:`InputError` with file and line for what is not YAML, for keys, predicates, roles,
@@ -44,7 +41,7 @@ def load_catalogue(
     phrases: dict[str, str] = {}
     texts = [(Path(path).name, _read(Path(path))) for path in paths]
     given = (_Reader(name).activities(text) for name, text in texts)
-    for activity, place in chain(_shipped() if built_in else (), *given):
+    for activity, place in chain(_shipped(), *given):
         with place():
             if activity.name in found:
                 raise InputError(f"the activity {activity.name!r} exists already")

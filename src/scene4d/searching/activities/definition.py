@@ -31,6 +31,11 @@ class Role:
         """Whether it matters how many play it."""
         return self.count > 1 or self.exactly
 
+    @property
+    def how_many(self) -> str:
+        """How many play it at the same time."""
+        return f"{'exactly' if self.exactly else 'at least'} {self.count}"
+
 
 @dataclass(frozen=True)
 class Term:

@@ -6,7 +6,7 @@ from typing import Any
 
 from scene4d.searching.language._discourse import Discourse
 from scene4d.searching.language._doing import activity_of
-from scene4d.searching.language._lexicon import base_forms
+from scene4d.searching.language._lexicon import base_forms, read_lexicon
 from scene4d.searching.language._pieces import (
     Piece,
     choose,
@@ -115,7 +115,7 @@ def _check_agreement(first: Clause, second: Clause, discourse: Discourse) -> Non
 
 def _is_base(word: str, discourse: Discourse) -> bool:
     """Whether a verb is in the form that several have: "a car and a truck stop"."""
-    lexicon = discourse.lexicon
+    lexicon = read_lexicon()
     verbs = [w for entry in lexicon.verbs.values() for w in entry.words]
     verbs += [w for entry in lexicon.states for w in entry.verb]
     return word.casefold() in {w.split()[0] for w in verbs if w[0] not in "{$"} and not base_forms(

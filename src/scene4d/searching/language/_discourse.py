@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from scene4d.core.errors import InputError
 from scene4d.searching.activities.definition import Role, Spot, Term
-from scene4d.searching.language._lexicon import Lexicon
+from scene4d.searching.language._lexicon import read_lexicon
 from scene4d.searching.language._sentences import Noun, Span
 from scene4d.searching.language._words import refuse
 
@@ -41,7 +41,6 @@ class Discourse:
     """
 
     text: str
-    lexicon: Lexicon
     people: dict[str, _Referent] = field(default_factory=dict)
     mentions: tuple[str, ...] = ()
     subject: tuple[str, ...] = ()
@@ -60,7 +59,7 @@ class Discourse:
 
     def assumed(self, name: str) -> float:
         """Seconds that nobody said."""
-        return self.lexicon.assumed[name]
+        return read_lexicon().assumed[name]
 
     def note(self, note: str, span: Span = (0, 0)) -> None:
         """Tell the reader, once; "{}" stands for the words at these characters."""
@@ -108,7 +107,7 @@ class Discourse:
 
     def add_usual(self, kind: str) -> str:
         """Somebody of a kind of whom nothing is said."""
-        name = self.add(kind, self.lexicon.noun(kind).classes, kind)  # type: ignore[union-attr]
+        name = self.add(kind, read_lexicon().noun(kind).classes, kind)  # type: ignore[union-attr]
         self.unsaid = (*self.unsaid, name)
         return name
 
@@ -189,7 +188,7 @@ class Discourse:
 
     def remark(self, noun: Noun, may_be_plural: bool = False) -> None:
         """Note where a noun says more, or less, than is searched for."""
-        entry = self.lexicon.noun(noun.word) if noun.classes else None
+        entry = read_lexicon().noun(noun.word) if noun.classes else None
         if entry is None:
             return
         if entry.note:
@@ -206,7 +205,7 @@ class Discourse:
 
     def is_general(self, noun: Noun) -> bool:
         """Whether a noun says no more than its kind."""
-        of_kind = [entry.classes for entry in self.lexicon.nouns if entry.kind == noun.kind]
+        of_kind = [entry.classes for entry in read_lexicon().nouns if entry.kind == noun.kind]
         return not noun.classes or len(noun.classes) == max(map(len, of_kind))
 
 

@@ -15,7 +15,7 @@ from lark.load_grammar import Grammar as LarkGrammar
 from lark.load_grammar import load_grammar
 
 from scene4d.searching.activities.definition import Activity
-from scene4d.searching.language._lexicon import Lexicon, base_forms, read_lexicon
+from scene4d.searching.language._lexicon import base_forms, read_lexicon
 from scene4d.searching.language._phrases import PhraseReader
 from scene4d.searching.language._sentences import Spoken
 from scene4d.searching.language._words import Vocabulary, Word
@@ -40,7 +40,6 @@ class Grammar:
     rules: LarkGrammar
     terminals: Mapping[str, str]
     spoken: tuple[tuple[Spoken, ...], ...]
-    lexicon: Lexicon
     _last: list[tuple[frozenset[str], Lark]] = field(default_factory=list)
     """The parser that was made last, and for which words: parts of a text are read with that of the
     whole."""
@@ -101,9 +100,7 @@ class Grammar:
         """The words of the grammar, with the names of places."""
         phrases = tuple(p for meant in self.spoken for one in meant for p in one.activity.phrases)
         places = {"zone": zones, "line": lines}
-        return Vocabulary(
-            self.terminals.keys(), self.lexicon, tuple(dict.fromkeys(phrases)), places
-        )
+        return Vocabulary(self.terminals.keys(), tuple(dict.fromkeys(phrases)), places)
 
 
 class _Ready(Lexer):
@@ -174,7 +171,7 @@ class _Named:
 
 @lru_cache(maxsize=8)
 def _written(named: _Named) -> Grammar:
-    return _Writer(read_lexicon()).write(named.activities)
+    return _Writer().write(named.activities)
 
 
 class _Writer:
@@ -184,8 +181,7 @@ class _Writer:
     together with those of listed forms: "leave" is also "left", "stop" also "stopped".
     """
 
-    def __init__(self, lexicon: Lexicon) -> None:
-        self._lexicon = lexicon
+    def __init__(self) -> None:
         self._words: dict[str, str] = {}
         self._rules: list[str] = []
         self._either: dict[str, str] = {}
@@ -199,7 +195,7 @@ class _Writer:
         tokens = dict.fromkeys([*_OF_KIND.values(), *self._words.values(), "NOTHING"])
         text = "\n".join([frame, *rules, "%declare " + " ".join(tokens)])
         read, _ = load_grammar(text, "grammar.lark", [], False)  # type: ignore[no-untyped-call]
-        return Grammar(read, self._words, spoken, self._lexicon)
+        return Grammar(read, self._words, spoken)
 
     def _rule(self, name: str, rights: Iterable[str]) -> None:
         """A rule with these right sides as alternatives; their words become known."""
@@ -211,7 +207,7 @@ class _Writer:
     # The lexicon -------------------------------------------------------------------------------
 
     def _write_lexicon(self) -> None:
-        lexicon = self._lexicon
+        lexicon = read_lexicon()
         for name, words in lexicon.sets.items():
             self._rule(f"s_{name}", map(self._pattern, words))
         for name, entry in lexicon.verbs.items():
@@ -264,7 +260,7 @@ class _Writer:
             name = piece.strip("{}")
             return _SYMBOLS.get(name, name) + optional
         if piece.startswith("$"):
-            prefix = "v_" if piece[1:] in self._lexicon.verbs else "s_"
+            prefix = "v_" if piece[1:] in read_lexicon().verbs else "s_"
             return prefix + piece[1:] + optional
         words = piece.split("|")
         if len(words) == 1:
@@ -279,7 +275,7 @@ class _Writer:
 
     def _write_phrases(self, activities: Iterable[Activity]) -> tuple[tuple[Spoken, ...], ...]:
         """Rules for the phrases after their subject, and the meaning of each rule."""
-        reader = PhraseReader(self._lexicon, dict(self._words))
+        reader = PhraseReader(dict(self._words))
         tables: dict[str, dict[str, list[Spoken]]] = {"activity": {}, "whole": {}}
         for activity in activities:
             for phrase in activity.phrases:

@@ -11,8 +11,8 @@ from lark import Token, v_args
 from scene4d.core.colours import is_colour
 from scene4d.core.tracks import CLASSES
 from scene4d.searching.activities.definition import Term
-from scene4d.searching.language._lexicon import Adjective, StateEntry
-from scene4d.searching.language._sentences import Choice, Noun, Polarity, Said, Span, options_of
+from scene4d.searching.language._lexicon import Adjective, StateEntry, read_lexicon
+from scene4d.searching.language._sentences import Choice, Noun, Polarity, Said, options_of
 from scene4d.searching.language._times import (
     Mark,
     TimeReader,
@@ -33,11 +33,7 @@ class NounReader(TimeReader):
     """The meaning of the rules that say who; one method per rule, by name."""
 
     def noun(self, meta: Any, children: list) -> Noun:
-        relatives = sum((child for child in children if isinstance(child, tuple)), ())
-        return self._noun(span_of(meta), children, relatives)
-
-    def _noun(self, span: Span, children: list, relatives: tuple) -> Noun:
-        marks = marks_of(children)
+        span, marks = span_of(meta), marks_of(children)
         if "s_each_other" in marks:
             return Noun("any", (), "reciprocal", "each other", span)
         if "s_new_one" in marks:
@@ -49,13 +45,13 @@ class NounReader(TimeReader):
         nouns = [mark for mark in all_of(children, Mark) if mark.name == "noun_word"]
         words = [" ".join(mark.words) for mark in nouns]
         word = words[0]
-        said = [(one, w) for w in words if (one := self._lexicon.noun(w)) is not None]
+        said = [(one, w) for w in words if (one := read_lexicon().noun(w)) is not None]
         entry = said[0][0]
         kinds = {one.kind for one, _ in said}
         classes = [name for one, _ in said for name in one.classes]
         adjectives = all_of(children, Adjective)
         if entry.adjective:
-            adjectives.append(self._lexicon.adjective(entry.adjective))
+            adjectives.append(read_lexicon().adjective(entry.adjective))
         articles = {name.removeprefix("article_") for name in marks if name.startswith("article_")}
         if "s_else" in marks:
             articles = {"new"}
@@ -75,7 +71,7 @@ class NounReader(TimeReader):
             word,
             span,
             tuple(adjectives),
-            relatives,
+            sum(all_of(children, tuple), ()),
             word == "people"
             or re.search(rf"^(?!each|every).*\b{re.escape(word)}\b", surface) is None,
             count,
@@ -111,8 +107,8 @@ class NounReader(TimeReader):
         """The adjective, or the number, that has these words."""
         said = " ".join(self._words_of(children))
         if name == "adjective":
-            return self._lexicon.adjective(said)
-        return next(number for number, words in self._lexicon.numbers if said in words)
+            return read_lexicon().adjective(said)
+        return next(number for number, words in read_lexicon().numbers if said in words)
 
     def _taken(self, options: Sequence[Any]) -> Any:
         """The first of several readings, with a note."""
@@ -125,21 +121,18 @@ class NounReader(TimeReader):
 
     def count(self, meta: Any, children: list) -> Mark:
         """How many at least: "three", "more than two"; or exactly."""
-        return Mark("count", (), self._count(children, span_of(meta)))
-
-    def _count(self, children: list, span: Span) -> tuple[int, bool]:
-        marks = marks_of(children)
+        marks, start = marks_of(children), span_of(meta)[0]
         if "s_several" in marks:
             self.notes.append(f'"{marks["s_several"]}" is taken as at least {_SEVERAL}')
-            return _SEVERAL, False
+            return Mark("count", (), (_SEVERAL, False))
         if "s_one" in marks or "s_two" in marks:
-            return (1, True) if "s_one" in marks else (2, False)
-        said = next(child for child in children if isinstance(child, Fraction | Token))
-        number = said if isinstance(said, Fraction) else read_number(said, self._text, span[0])
-        is_more = marks.get("s_at_least", "") in self._lexicon.sets["more_than"]
+            return Mark("count", (), (1, True) if "s_one" in marks else (2, False))
+        said = first_of(children, Fraction, Token)
+        number = said if isinstance(said, Fraction) else read_number(said, self._text, start)
+        is_more = marks.get("s_at_least", "") in read_lexicon().sets["more_than"]
         if number.denominator != 1 or not 1 <= number <= _MOST_COUNTED:
-            raise refuse(self._text, span[0], f"a whole number up to {_MOST_COUNTED} is expected")
-        return int(number) + is_more, "s_exactly" in marks
+            raise refuse(self._text, start, f"a whole number up to {_MOST_COUNTED} is expected")
+        return Mark("count", (), (int(number) + is_more, "s_exactly" in marks))
 
     # Colours --------------------------------------------------------------------------------------
 
@@ -148,7 +141,7 @@ class NounReader(TimeReader):
         marks = marks_of(children)
         shades = [name.removeprefix("s_") for name in marks if name.startswith("s_")]
         said = marks.get("colour_word", "")
-        name = next((n for n, words in self._lexicon.colours.items() if said in words), "")
+        name = next((n for n, words in read_lexicon().colours.items() if said in words), "")
         whole = " ".join([*shades, *name.split()[-1:]]) if shades else name
         if not is_colour(whole):
             what = f'"{whole}" is not told from other colours; say "{name}" alone'

@@ -6,7 +6,7 @@ from itertools import product
 
 from scene4d.core.errors import InputError
 from scene4d.searching.activities.definition import Activity
-from scene4d.searching.language._lexicon import Lexicon, base_forms
+from scene4d.searching.language._lexicon import base_forms, read_lexicon
 from scene4d.searching.language._sentences import Slot, Spoken, kind_of
 from scene4d.searching.language._words import Vocabulary, read_words
 
@@ -49,11 +49,11 @@ class _Said:
 
 
 class PhraseReader:
-    """Reads phrases with the words of a lexicon."""
+    """Reads phrases with the words of the lexicon."""
 
-    def __init__(self, lexicon: Lexicon, words: Mapping[str, str]) -> None:
-        self._lexicon = lexicon
-        self._vocabulary = _OpenVocabulary(words, lexicon, None)
+    def __init__(self, words: Mapping[str, str]) -> None:
+        lexicon = read_lexicon()
+        self._vocabulary = _OpenVocabulary(words, None)
         self._adjectives = {word: entry for entry in lexicon.adjectives for word in entry.words}
         articles = {word for words in lexicon.articles.values() for word in words}
         self._silent = articles | set(lexicon.sets["auxiliary"]) | {"be", "do", "have"}
@@ -114,7 +114,7 @@ class PhraseReader:
         """Where the object of a phrase stands: a second slot, or a thing at the end."""
         things = {
             word
-            for name, words in self._lexicon.things.items()
+            for name, words in read_lexicon().things.items()
             if name != "object"
             for word in words
         }
@@ -133,13 +133,13 @@ class PhraseReader:
         pair = passive = False
         words = [word.value for word in read_words(phrase, self._vocabulary)]
         for word, following in zip(words, [*words[1:], ""], strict=True):
-            entry = self._lexicon.noun(word)
+            entry = read_lexicon().noun(word)
             if entry is not None:
                 pieces.append(Slot(entry.kind, tuple(adjectives), pair, word == PEOPLE))
                 adjectives, pair = [], False
-            elif word == "two" and self._lexicon.noun(following):
+            elif word == "two" and read_lexicon().noun(following):
                 pair = True
-            elif word in self._adjectives and self._lexicon.noun(following):
+            elif word in self._adjectives and read_lexicon().noun(following):
                 adjectives.append(self._adjectives[word].holds[0].predicate)
             elif word in ("zone", "line"):
                 pieces.append("{" + word + "}")
@@ -175,9 +175,9 @@ class PhraseReader:
         """ "picks up person" as "picks person up"."""
         if not tail or not tail[0].startswith(("noun", "t_")):
             return
-        entry = self._lexicon.verbs.get(name.removeprefix("v_"))
+        entry = read_lexicon().verbs.get(name.removeprefix("v_"))
         for words in entry.words if entry else ():
-            if words in self._lexicon.separable:
+            if words in read_lexicon().separable:
                 verb, particle = words.split()
                 yield (f"<{verb}>", tail[0], f"<{particle}>", *tail[1:])
 
@@ -200,7 +200,7 @@ class PhraseReader:
         first = rest[0]
         if isinstance(first, Slot):
             return first.kind in before
-        return any(first in self._lexicon.things.get(name, ()) for name in before)
+        return any(first in read_lexicon().things.get(name, ()) for name in before)
 
 
 def spelled(pattern: str) -> Iterator[list[str]]:

@@ -5,7 +5,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cache
 from itertools import combinations
 
 from lark import Tree
@@ -20,7 +20,7 @@ from scene4d.searching.language._composing import compose
 from scene4d.searching.language._discourse import NOBODY, Discourse
 from scene4d.searching.language._either import Reading, either
 from scene4d.searching.language._grammar import Grammar, build_grammar
-from scene4d.searching.language._lexicon import Lexicon, Refusal
+from scene4d.searching.language._lexicon import Refusal, read_lexicon
 from scene4d.searching.language._pieces import Piece, exclude
 from scene4d.searching.language._reading import read_tree
 from scene4d.searching.language._refusals import refusal_at
@@ -78,8 +78,7 @@ def parse_query(
                 words = read_words(said, replace(vocabulary, names_first=True))
                 with suppress(InputError):
                     return [_one(said, words, grammar, catalogue, quick=quick)]
-            alike = partial(_are_alike, lexicon=grammar.lexicon)
-            several = either(said, words, read, alike)
+            several = either(said, words, read, _are_alike)
             if several is not None:
                 return several
             if named and not quick:
@@ -104,7 +103,7 @@ def _one(
     sentence = sentences[0]  # a time of day is that of the nearest words
     if len({one.clocks for one in sentences}) > 1:
         notes.append("the time of day is taken of the words beside it; say it first for the event")
-    discourse = Discourse(text, grammar.lexicon)
+    discourse = Discourse(text)
     alike = [one.order for one in sentences if one.clocks == sentence.clocks]
     orders = tuple(way for order in alike for way in options_of(order))
     piece = compose(Choice(orders), discourse)
@@ -172,7 +171,8 @@ def _indented(activity: Activity) -> list[str]:
 def _explained(activity: Activity) -> list[str]:
     lines = [f"{role.name}: {_how_many(role)}" for role in activity.roles]
     for number, phase in enumerate(activity.phases, 1):
-        lines.append(f"{number}. {phase.name}{_lasting(phase)}{_pause(phase, number)}")
+        pause = f", at most {phase.gap_s:g} s later" if number > 1 and phase.gap_s else ""
+        lines.append(f"{number}. {phase.name}{_lasting(phase)}{pause}")
         lines += [f"   {term_text(term)}" for term in phase.terms]
     return [*lines, *(f"{r.first} {r.relation} {r.second}" for r in activity.relations)]
 
@@ -180,8 +180,7 @@ def _explained(activity: Activity) -> list[str]:
 def _how_many(role: Role) -> str:
     said = " or ".join(role.classes)
     if role.is_counted:
-        many = f"{'exactly' if role.exactly else 'at least'} {role.count}"
-        said = f"{many} at the same time, one of them throughout, {said}"
+        said = f"{role.how_many} at the same time, one of them throughout, {said}"
     return f"{said}, of whom there is none" if role.absent else said
 
 
@@ -189,10 +188,6 @@ def _lasting(phase: Phase) -> str:
     if math.isinf(phase.max_s):
         return f", at least {phase.min_s:g} s" if phase.min_s else ""
     return f", {phase.min_s:g} to {phase.max_s:g} s"
-
-
-def _pause(phase: Phase, number: int) -> str:
-    return f", at most {phase.gap_s:g} s later" if number > 1 and phase.gap_s else ""
 
 
 def _by_name(text: str, catalogue: Mapping[str, Activity]) -> Activity | None:
@@ -225,7 +220,7 @@ def _window_of(clocks: Sequence[Clock], discourse: Discourse, notes: list[str]) 
     if len(clocks) > 1:
         raise discourse.refuse(clocks[1].span, "a second time of day; one search asks for one")
     clock = clocks[0]
-    window = window_of(clock, discourse.text, clock.span, discourse.lexicon)
+    window = window_of(clock, discourse.text, clock.span)
     if clock.at is not None:
         notes.append(f'"{discourse.said(clock.span)}" is taken as {window}')
     if window.begin_s >= window.end_s:
@@ -262,7 +257,7 @@ def _refused_in(text: str, words: Sequence[Word], grammar: Grammar) -> InputErro
     """The refusal of a word that may also mean something else, where it cannot here."""
     for word in words:
         if word.kind == "word":
-            found = refusal_at(text, word.start, False, grammar.lexicon)
+            found = refusal_at(text, word.start, False)
             if found is not None and _is_said(word, found[1]):
                 return refused(text, word.start, *found)
     return None
@@ -283,12 +278,12 @@ def _unexpected(
     start = error.token.start_pos or 0
     word = next((word for word in words if word.start == start), words[-1])
     before = [other for other in words if other.end <= start]
-    units = _kinds(grammar.lexicon)["a unit"]
+    units = _kinds()["a unit"]
     if word.kind in ("zone", "line"):
         say = "in zone" if word.kind == "zone" else "crosses line"
         what = f'"{word.surface}" is a {word.kind}, neither person nor vehicle'
         return refuse(text, start, f'{what}; say "{say} {word.value}", or draw a zone there')
-    if any(word.value in words for _, words in grammar.lexicon.units["speed"]):
+    if any(word.value in words for _, words in read_lexicon().units["speed"]):
         what = f'"{word.surface}": say "faster than" or "slower than" for a speed'
         return refuse(text, start, what)
     if before and before[-1].kind == "number" and word.value not in units:
@@ -306,7 +301,7 @@ def _spoken(expected: Collection[str], grammar: Grammar) -> str:
     """What could stand there instead: kinds of words, and the words that are of none."""
     there = {word for word, token in grammar.terminals.items() if token in expected}
     said: list[str] = []
-    for kind, words in _kinds(grammar.lexicon).items():
+    for kind, words in _kinds().items():
         if there & words:
             said.append(kind)
             there -= words
@@ -319,9 +314,10 @@ def _spoken(expected: Collection[str], grammar: Grammar) -> str:
     return f"expected: {', '.join(said[:_MOST_EXPECTED])}{more}"
 
 
-@lru_cache(maxsize=1)
-def _kinds(lexicon: Lexicon) -> dict[str, frozenset[str]]:
+@cache
+def _kinds() -> dict[str, frozenset[str]]:
     """Words by what they are called to a reader."""
+    lexicon = read_lexicon()
 
     def first(tables: Iterable[Iterable[str]]) -> frozenset[str]:
         return frozenset(p.split()[0] for table in tables for p in table if p[0] not in "{$")
@@ -340,8 +336,8 @@ def _kinds(lexicon: Lexicon) -> dict[str, frozenset[str]]:
     }
 
 
-def _are_alike(one: Word, other: Word, lexicon: Lexicon) -> bool:
+def _are_alike(one: Word, other: Word) -> bool:
     """Whether "or" may join what begins with these words: both begin a noun, or neither."""
-    kinds = _kinds(lexicon)
+    kinds = _kinds()
     nouns = kinds["a person or vehicle"] | kinds["a number"]
     return (one.value in nouns) == (other.value in nouns)

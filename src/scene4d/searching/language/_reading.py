@@ -11,7 +11,7 @@ from lark.exceptions import VisitError
 from scene4d.searching.activities.definition import Term
 from scene4d.searching.language._doing import NOT_OF_ACTIVITIES
 from scene4d.searching.language._grammar import Grammar
-from scene4d.searching.language._lexicon import StateEntry, base_forms
+from scene4d.searching.language._lexicon import StateEntry, base_forms, read_lexicon
 from scene4d.searching.language._nouns import NounReader, opposite
 from scene4d.searching.language._sentences import (
     Bound,
@@ -74,7 +74,7 @@ class _Reader(NounReader):
     """The meaning of the grammar's rules, bottom up; one method per rule, by name."""
 
     def __init__(self, text: str, grammar: Grammar) -> None:
-        super().__init__(text, grammar.lexicon)
+        super().__init__(text)
         self._grammar = grammar
 
     # Rules by their number ------------------------------------------------------------------------
@@ -88,17 +88,18 @@ class _Reader(NounReader):
             if stem in {"state", "relation"}:
                 return self._said(int(number), children, span, is_verb=stem == "state")
             if stem.startswith("unit_"):
-                return self._lexicon.units[stem.removeprefix("unit_")][int(number)][0]
+                return read_lexicon().units[stem.removeprefix("unit_")][int(number)][0]
         if name in {"adjective", "number_word", "count_word"}:
             return self._by_words(name, children)
         if name in {"zone", "line"}:
             return Place(name, str(first_of(children, Token)), span)
-        if name in self._lexicon.units:
+        if name in read_lexicon().units:
             return amount_of(name, all_of(children, Fraction), self._text, span)
         if name in _BOUNDS:
             return Bound(first_of(children, Amount).value, _BOUNDS[name], span)
         if name in CLOCKS:
-            return self._clock(name, children, span)
+            times = dict(zip(CLOCKS[name], all_of(children, float), strict=True))
+            return replace(Clock(None, None, None, span), **times)
         if name in _TRANSPARENT:
             return children[0]
         if name == "delay":
@@ -133,7 +134,7 @@ class _Reader(NounReader):
         )
 
     def _said(self, number: int, children: list, span: Span, is_verb: bool) -> Said:
-        entry = self._lexicon.states[number]
+        entry = read_lexicon().states[number]
         values: dict[str, float | str] = {}
         for child in all_of(children, Amount):
             values[child.kind] = child.value
@@ -175,7 +176,7 @@ class _Reader(NounReader):
 
     def pause(self, _meta: Any, children: list) -> Mark:
         amount = first_of(children, Amount)
-        seconds = amount.value if amount else self._lexicon.assumed["immediately_s"]
+        seconds = amount.value if amount else read_lexicon().assumed["immediately_s"]
         return Mark("pause", (), seconds)
 
     def joined(self, _meta: Any, children: list) -> Joined:
@@ -233,7 +234,7 @@ class _Reader(NounReader):
         return self.clause(meta, [noun, Said(inside, (), {}, span), *more])
 
     def _nothing(self, span: Span) -> Noun:
-        entry = self._lexicon.noun("nothing")
+        entry = read_lexicon().noun("nothing")
         assert entry is not None
         return Noun(entry.kind, entry.classes, "none", "nothing", span)
 

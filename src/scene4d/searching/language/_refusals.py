@@ -2,10 +2,10 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import islice
 
-from scene4d.searching.language._lexicon import Lexicon, Refusal, base_forms
+from scene4d.searching.language._lexicon import Refusal, base_forms, read_lexicon
 
 _LOOKED_AHEAD = 8
 """Words: the longest patterns have fewer."""
@@ -13,7 +13,7 @@ _WORD = re.compile(r"[^\W\d_]+(?:-[^\W\d_]+)*|\d+|[,;.]")
 _ARTICLES = ("a", "an", "the", "his", "her", "their", "its", "some", "any", "another", "my")
 
 
-def refusal_at(text: str, at: int, is_known: bool, lexicon: Lexicon) -> tuple[str, Refusal] | None:
+def refusal_at(text: str, at: int, is_known: bool) -> tuple[str, Refusal] | None:
     """The refused words that begin at a character, and their refusal; the longest that match.
 
     A single word is refused only where nothing else is known to be meant by it (``is_known``). In
@@ -23,10 +23,10 @@ def refusal_at(text: str, at: int, is_known: bool, lexicon: Lexicon) -> tuple[st
     words = [match.group().casefold() for match in there]
     best: tuple[int, Refusal] | None = None
     for form in dict.fromkeys((words[0], *base_forms(words[0]))) if words else ():
-        for pieces, refusal in _by_first_word(lexicon).get(form, ()):
+        for pieces, refusal in _by_first_word().get(form, ()):
             if (len(pieces) == 1 and is_known) or (pieces[0][0] == "=" and form != words[0]):
                 continue
-            length = _matched(pieces[1:], words[1:], lexicon)
+            length = _matched(pieces[1:], words[1:])
             if length is not None and (best is None or length + 1 > best[0]):
                 best = length + 1, refusal
     if best is None:
@@ -34,10 +34,10 @@ def refusal_at(text: str, at: int, is_known: bool, lexicon: Lexicon) -> tuple[st
     return text[at : there[best[0] - 1].end()], best[1]
 
 
-@lru_cache(maxsize=1)
-def _by_first_word(lexicon: Lexicon) -> dict[str, list[tuple[tuple[str, ...], Refusal]]]:
+@cache
+def _by_first_word() -> dict[str, list[tuple[tuple[str, ...], Refusal]]]:
     found: dict[str, list[tuple[tuple[str, ...], Refusal]]] = {}
-    for refusal in lexicon.refusals:
+    for refusal in read_lexicon().refusals:
         for pattern in refusal.words:
             first, *rest = pattern.split()
             for word in first.removeprefix("=").split("|"):
@@ -46,15 +46,15 @@ def _by_first_word(lexicon: Lexicon) -> dict[str, list[tuple[tuple[str, ...], Re
     return found
 
 
-def _matched(pieces: Sequence[str], words: Sequence[str], lexicon: Lexicon) -> int | None:
+def _matched(pieces: Sequence[str], words: Sequence[str]) -> int | None:
     """How many words the rest of a pattern takes, None where it does not match."""
     at = 0
     for piece in pieces:
         word = words[at] if at < len(words) else ""
         if piece == "{a}":
             at += word in _ARTICLES
-        elif (piece == "NUMBER" and (word.isdigit() or word in _numbers(lexicon))) or (
-            piece == "{thing}" and _is_one_of(word, lexicon.things["object"])
+        elif (piece == "NUMBER" and (word.isdigit() or word in _numbers())) or (
+            piece == "{thing}" and _is_one_of(word, read_lexicon().things["object"])
         ):
             at += 1
         elif piece[0] == "=":
@@ -72,8 +72,8 @@ def _is_one_of(word: str, wanted: Sequence[str]) -> bool:
     return bool(word) and any(form in wanted for form in (word, *base_forms(word)))
 
 
-def _numbers(lexicon: Lexicon) -> Iterator[str]:
-    return (word for _, words in lexicon.numbers for word in words)
+def _numbers() -> Iterator[str]:
+    return (word for _, words in read_lexicon().numbers for word in words)
 
 
 @lru_cache(maxsize=1024)

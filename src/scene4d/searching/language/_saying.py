@@ -1,11 +1,11 @@
 """Clauses with a state: predicates that hold together."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from scene4d.searching.activities.definition import Phase, Term
 from scene4d.searching.language._discourse import NOBODY, Discourse, adjective_terms
-from scene4d.searching.language._lexicon import StateEntry
+from scene4d.searching.language._lexicon import StateEntry, read_lexicon
 from scene4d.searching.language._pieces import Piece, duration, state, throughout
 from scene4d.searching.language._refusals import plain
 from scene4d.searching.language._sentences import Bound, Clause, Delay, Lasting, Noun, Said
@@ -44,8 +44,8 @@ def state_of(clause: Clause, core: Said, discourse: Discourse) -> Piece:
         if said[0].is_denied:
             what = '"not" denies a state, such as "is not in zone NAME", not what becomes so'
             raise discourse.refuse(clause.span, what)
-        if plain(discourse.said(core.span)).split()[0] in discourse.lexicon.verbs["run"].words:
-            running = discourse.lexicon.adjective("running").holds
+        if plain(discourse.said(core.span)).split()[0] in read_lexicon().verbs["run"].words:
+            running = read_lexicon().adjective("running").holds
             terms += tuple(replace(one, roles=(name,)) for one in running for name in subjects)
         return _change(entry, of_core, terms, lasting, discourse)
     is_instant = any(one.entry.instant for one in said)
@@ -227,9 +227,8 @@ def _holds(said: Said, names: Sequence[str], discourse: Discourse) -> tuple[Term
     return tuple(replace(term, roles=tuple(called[role] for role in term.roles)) for term in terms)
 
 
-def _with_values(term: Term, values: dict | object) -> Term:
+def _with_values(term: Term, values: Mapping[str, float | str]) -> Term:
     """A term with what the words say for "{distance}" and the like."""
-    assert isinstance(values, dict)
     given = {
         key: values[value.strip("{}")] if isinstance(value, str) and value[:1] == "{" else value
         for key, value in term.parameters.items()

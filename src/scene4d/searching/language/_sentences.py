@@ -23,11 +23,6 @@ class Slot:
     pair: bool = False
     is_plural: bool = False
 
-    @property
-    def is_crowd(self) -> bool:
-        """Whether any number may stand here."""
-        return self.is_plural and not self.pair
-
 
 @dataclass(frozen=True)
 class Spoken:

@@ -48,12 +48,12 @@ def with_spots(clause: Clause, discourse: Discourse, read: _Read) -> Clause:
 def _named(said: Said, spot: SpotSaid, clause: Clause, discourse: Discourse, read: _Read) -> Said:
     noun, words = spot.noun, discourse.said(spot.span)
     _check_other(noun, clause, discourse)
-    known = Discourse(discourse.text, discourse.lexicon, dict(discourse.people), discourse.mentions)
+    known = Discourse(discourse.text, dict(discourse.people), discourse.mentions)
     if noun.article in ("definite", "other") and known.meant(noun, noun.classes, ()) is not None:
         return _bound(said, spot, discourse, read)
     if noun.word in ("another", "other") and not noun.classes:
         noun = _like_subject(noun, clause, discourse)
-    there = Discourse(discourse.text, discourse.lexicon)
+    there = Discourse(discourse.text)
     piece = _done_there(replace(spot, noun=noun), there, read)
     name = re.sub(r"[\s(),=]+", " ", re.sub(r"^\w+\s", "", words)).strip()
     doer = there.subject[0]
@@ -115,7 +115,7 @@ def _like_subject(noun: Noun, clause: Clause, discourse: Discourse) -> Noun:
 
 def _bound(said: Said, spot: SpotSaid, discourse: Discourse, read: _Read) -> Said:
     """Somebody who takes part was there before: he is looked at so much earlier."""
-    known = Discourse(discourse.text, discourse.lexicon, dict(discourse.people), discourse.mentions)
+    known = Discourse(discourse.text, dict(discourse.people), discourse.mentions)
     piece = _done_there(spot, known, read)
     is_state = len(piece.phases) == 1 and all(len(term.roles) == 1 for term in piece.terms)
     is_ever = spot.when == When(is_over=True) and not piece.is_timed

@@ -7,7 +7,7 @@ from typing import Any
 
 from lark import Transformer, v_args
 
-from scene4d.searching.language._lexicon import Lexicon, base_forms
+from scene4d.searching.language._lexicon import base_forms, read_lexicon
 from scene4d.searching.language._sentences import Clock, Lasting, Span, options_of
 from scene4d.searching.language._words import Amount, read_clock, refuse
 from scene4d.searching.predicates._when import DAY_S, When, Window
@@ -57,10 +57,10 @@ def span_of(meta: Any) -> Span:
     return (meta.start_pos, meta.end_pos) if not meta.empty else (0, 0)
 
 
-def window_of(clock: Clock, text: str, span: Span, lexicon: Lexicon) -> Window:
+def window_of(clock: Clock, text: str, span: Span) -> Window:
     """The time of day that is said. Raises :class:`InputError` for one that holds no time."""
     if clock.at is not None:
-        at_s = lexicon.assumed["at_s"]
+        at_s = read_lexicon().assumed["at_s"]
         return Window((clock.at - at_s) % DAY_S, (clock.at + at_s) % DAY_S)
     begin = 0.0 if clock.begin is None else clock.begin
     end = DAY_S if clock.end is None else clock.end
@@ -103,19 +103,14 @@ def joined(whens: Sequence[When], said: str, text: str, start: int) -> When:
     return When(**told)
 
 
-def _is_later(children: Iterable[Any]) -> bool:
-    return any(mark.name == "s_later" for mark in all_of(children, Mark))
-
-
 @v_args(meta=True)
 class TimeReader(Transformer):
     """Durations and times of day; one method per rule, by name."""
 
-    def __init__(self, text: str, lexicon: Lexicon) -> None:
+    def __init__(self, text: str) -> None:
         super().__init__(visit_tokens=False)
         self.notes: list[str] = []
         self._text = text
-        self._lexicon = lexicon
 
     def _said_at(self, span: Span) -> str:
         return self._text[slice(*span)]
@@ -144,16 +139,16 @@ class TimeReader(Transformer):
         """ "Earlier", "more than 10 minutes before", "within 5 minutes later"."""
         said = first_of(children, Lasting) or Lasting()
         least_s, most_s = said.within(0.0, float("inf"))
-        return When(least_s, most_s, _is_later(children))
+        return When(least_s, most_s, "s_later" in marks_of(children))
 
     def when_about(self, meta: Any, children: list) -> When:
         """ "Two days ago" is a day; "an hour ago" about so long, which is told."""
         amount = first_of(children, Amount)
-        later = _is_later(children)
+        later = "s_later" in marks_of(children)
         days = amount.value / DAY_S
         if amount.unit >= DAY_S and days.is_integer():
             return When(later=later, day=int(days) if later else -int(days))
-        off_s = self._lexicon.assumed["about"] * amount.value
+        off_s = read_lexicon().assumed["about"] * amount.value
         when = When(amount.value - off_s, amount.value + off_s, later)
         self.notes.append(f'"{self._said_at(span_of(meta))}" is taken as {when}')
         return when
@@ -167,23 +162,19 @@ class TimeReader(Transformer):
         return When(day=day, later=day > 0, clock=Window(*self._part_of_day(part)))
 
     def _part_of_day(self, word: str) -> tuple[float, float]:
-        begin, end = self._lexicon.day[word]
+        begin, end = read_lexicon().day[word]
         return read_clock(begin, self._text, 0), read_clock(end, self._text, 0)
 
     def when_clock(self, meta: Any, children: list) -> When:
         clock = first_of(children, Clock)
-        return When(clock=window_of(clock, self._text, span_of(meta), self._lexicon))
+        return When(clock=window_of(clock, self._text, span_of(meta)))
 
     # The clock ------------------------------------------------------------------------------------
 
     def clock(self, meta: Any, children: list) -> float:
         child = children[0]
         word = child.words[0] if isinstance(child, Mark) else str(child)
-        return read_clock(self._lexicon.clock.get(word, word), self._text, span_of(meta)[0])
-
-    def _clock(self, name: str, children: list, span: Span) -> Clock:
-        times = dict(zip(CLOCKS[name], all_of(children, float), strict=True))
-        return replace(Clock(None, None, None, span), **times)
+        return read_clock(read_lexicon().clock.get(word, word), self._text, span_of(meta)[0])
 
     def part_of_day(self, meta: Any, children: list) -> Clock:
         begin, end = self._part_of_day(marks_of(children)["day_word"])

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from fractions import Fraction
 
 from scene4d.core.errors import InputError
-from scene4d.searching.language._lexicon import Lexicon, Refusal, base_forms
+from scene4d.searching.language._lexicon import Refusal, base_forms, read_lexicon
 from scene4d.searching.language._refusals import plain, refusal_at
 
 _MOST_WORDS = 60
@@ -62,7 +62,6 @@ class Vocabulary:
     """
 
     words: Collection[str]
-    lexicon: Lexicon
     phrases: Sequence[str] | None = ()
     places: Mapping[str, Sequence[str]] = field(default_factory=lambda: {"zone": (), "line": ()})
     names_first: bool = False
@@ -75,7 +74,7 @@ class Vocabulary:
 
     def may_be_name(self, name: str) -> bool:
         """Whether a place may be called so without "zone" before it; "a" never is zone A."""
-        articles = (word for words in self.lexicon.articles.values() for word in words)
+        articles = (word for words in read_lexicon().articles.values() for word in words)
         known = self.word(name)
         return known is None or (self.names_first and known not in articles)
 
@@ -116,7 +115,7 @@ def read_words(text: str, vocabulary: Vocabulary) -> list[Word]:
         found += _words_of(match, text, vocabulary)
         at = match.end()
         one = "-".join(word.value for word in found[-2:])
-        if one in vocabulary.lexicon.joined:
+        if one in read_lexicon().joined:
             start = found[-2].start
             found[-2:] = [Word("word", one, start, at, text[start:at])]
     if not found:
@@ -141,7 +140,7 @@ def _check_refused(text: str, match: re.Match, vocabulary: Vocabulary) -> None:
     if vocabulary.phrases is None:
         return
     is_known = vocabulary.word(match.group()) is not None
-    found = refusal_at(text, match.start(), is_known, vocabulary.lexicon)
+    found = refusal_at(text, match.start(), is_known)
     if found is not None and not any(plain(found[0]) in plain(p) for p in vocabulary.phrases):
         raise refused(text, match.start(), *found)
 
@@ -195,7 +194,7 @@ def _name_at(text: str, at: int, before: list[Word], vocabulary: Vocabulary) -> 
     if at > 0 and text[at - 1].isalnum():
         return None
     places, last = vocabulary.places, before[-1].value if before else ""
-    said = next((kind for kind in places if last in vocabulary.lexicon.sets[kind]), None)
+    said = next((kind for kind in places if last in read_lexicon().sets[kind]), None)
     found = {kind: _longest(text, at, names) for kind, names in places.items()}
     if said is not None:
         name = found[said]

@@ -9,9 +9,8 @@ from scene4d.core.staging import staged
 from scene4d.searching.exporting import exported
 from scene4d.searching.language import explain
 from scene4d.searching.pages._clip import Clip, mp4, still, stills
-from scene4d.searching.pages._course import course_svg
 from scene4d.searching.pages._footage import clips_of
-from scene4d.searching.pages._plan import plan_svg, role_colours
+from scene4d.searching.pages._plan import course_svg, plan_svg, role_colours
 from scene4d.searching.result import FoundEvent, SearchResult, why_groups
 from scene4d.store.footage import NoFootage
 

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import Float
 
 from scene4d.core.calibration import Calibration
+from scene4d.searching.activities._terms import value_of
 from scene4d.searching.activities.definition import Activity, Term
-from scene4d.searching.predicates import NEAR_SIGMA_M, NEAR_TAU_M
 from scene4d.searching.predicates._distance import near
 from scene4d.searching.predicates.stage import Stage
 from scene4d.searching.result import FoundEvent
@@ -71,9 +71,10 @@ class Rings:
         others = others[(tracks.class_name[others] == kind) | (tracks.track[others] == like)]
         others = others[np.isfinite(tracks.xy_m[others]).all(axis=1)]
         middle = np.repeat(about[:1], len(others))
-        p = near(stage.rows(others), stage.rows(middle), **_amounts(term))
+        tau_m, sigma_m = (value_of(term, name) for name in ("tau_m", "sigma_m"))
+        p = near(stage.rows(others), stage.rows(middle), tau_m=tau_m, sigma_m=sigma_m)
         told = (p >= _LEAST) | (tracks.track[others] == like)
-        circle = _circle(tracks.xy_m[about[0]], _amounts(term)["tau_m"])
+        circle = _circle(tracks.xy_m[about[0]], tau_m)
         return Ring(role, self._seen(circle), self._seen(tracks.xy_m[others[told]]), p[told])
 
     def _seen(self, xy_m: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
@@ -85,11 +86,6 @@ class Rings:
 
 def _circle(middle: Float[np.ndarray, "2"], radius_m: float) -> Float[np.ndarray, "k 2"]:
     return middle + radius_m * np.stack([np.cos(_TURN), np.sin(_TURN)], axis=1)
-
-
-def _amounts(term: Term) -> dict[str, float]:
-    stated = {name: float(value) for name, value in term.parameters.items()}
-    return {"tau_m": NEAR_TAU_M, "sigma_m": NEAR_SIGMA_M} | stated
 
 
 def _rows_at(stage: Stage, frame: int) -> np.ndarray:

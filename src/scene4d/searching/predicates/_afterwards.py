@@ -29,11 +29,10 @@ from functools import cache, cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from scene4d.core.body import PERSON_HEIGHT_M
 from scene4d.core.boxes import covered
 from scene4d.searching.predicates._gaussian import ndtr
 from scene4d.searching.predicates._meeting import expand
-from scene4d.searching.predicates.stage import Stage, all_finite
+from scene4d.searching.predicates.stage import Stage, all_finite, upright_uv
 
 # Chosen by hand before any footage was searched with them, except where it is said.
 _SPEEDS_MPS = (0.7, 1.4)
@@ -53,7 +52,7 @@ _SEEN_MOST = 0.8
 """P(seen) of a second in full view: who is overlooked once is easily overlooked again."""
 _SEEN_SHARE, _SEEN_SIGMA = 0.5, 0.15
 """Share of an upright person that must be in view, and how sharply."""
-_BEFORE_SIGMA = 0.05
+BEFORE_SIGMA = 0.05
 """How sharply the nearer of two is known by the lower edges of their boxes, in heights."""
 _WIDTH_SHARE = 0.35
 """Width of an upright person over the height."""
@@ -187,7 +186,7 @@ class Afterwards:
         box = self._upright(xy_m)
         tall = box[:, 3] - box[:, 1]
         frame = np.array([0.0, 0.0, *self.stage.image_size])
-        whole = _enough(covered(box, frame))
+        whole = enough(covered(box, frame))
         with np.errstate(invalid="ignore"):
             whole[~(tall >= self._smallest_px)] = 0.0
         out = whole[place]
@@ -199,23 +198,19 @@ class Afterwards:
         owner, seen = expand(low, high - low)
         cover = self.stage.tracks.box_xyxy[self._seen[seen]]
         here = place[looks[owner]]
-        lower = (cover[:, None, 3] - box[here, 3]) / (_BEFORE_SIGMA * np.maximum(tall, 1))[here]
+        lower = (cover[:, None, 3] - box[here, 3]) / (BEFORE_SIGMA * np.maximum(tall, 1))[here]
         share = covered(box[here], cover[:, None])
         hides = ndtr(lower) * _NONE_COVERED
         over = np.nonzero(share > 0)
-        hides[over] = ndtr(lower[over]) * _enough(share[over])
+        hides[over] = ndtr(lower[over]) * enough(share[over])
         if len(looks):
             first = np.cumsum(high - low) - (high - low)
             out[looks] *= np.multiply.reduceat(np.nan_to_num(1 - hides), first, axis=0)
         return out
 
     def _upright(self, xy_m: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p 4"]:
-        camera = self.stage.camera
-        assert camera is not None
-        foot, head = (
-            camera.project(np.column_stack([xy_m, np.full(len(xy_m), height_m)]))[0]
-            for height_m in (0.0, PERSON_HEIGHT_M)
-        )
+        assert self.stage.camera is not None
+        foot, head = upright_uv(self.stage.camera, xy_m)
         half = _WIDTH_SHARE / 2 * (foot[:, 1] - head[:, 1])
         x = (foot[:, 0] + head[:, 0]) / 2
         return np.column_stack([x - half, head[:, 1], x + half, foot[:, 1]])
@@ -252,12 +247,12 @@ class Afterwards:
         return min(smallest, _SMALL_SHARE * self.stage.image_size[1])
 
 
-def _enough(share: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+def enough(share: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     """P(so large a share of somebody is enough to see, or to hide him)."""
     return ndtr((share - _SEEN_SHARE) / _SEEN_SIGMA)
 
 
-_NONE_COVERED = float(_enough(np.zeros(1))[0])
+_NONE_COVERED = float(enough(np.zeros(1))[0])
 
 
 def _squares_m2(

@@ -9,8 +9,7 @@ from scene4d.searching.predicates._gaussian import ndtr
 from scene4d.searching.predicates._relation import (
     AXIS_SIGMA_RAD,
     SIDES,
-    VEHICLE_LENGTH_M,
-    VEHICLE_WIDTH_M,
+    outline,
 )
 from scene4d.searching.predicates.stage import StageRows
 
@@ -44,7 +43,7 @@ def beside(
     heading = _headings(b)
     ahead = -way.vector_m[:, :1] * np.cos(heading) - way.vector_m[:, 1:] * np.sin(heading)
     left = way.vector_m[:, :1] * np.sin(heading) - way.vector_m[:, 1:] * np.cos(heading)
-    length, width, size_sigma = _outline(b)
+    length, width, size_sigma = outline(b)
     beyond = np.abs(ahead) - length[:, None] / 2, np.abs(left) - width[:, None] / 2
     gap = np.hypot(*(np.maximum(one, 0.0) for one in beyond)) + np.minimum(np.maximum(*beyond), 0.0)
     s = np.sqrt(sigma_m**2 + way.distance_sigma_m**2 + size_sigma**2)[:, None]
@@ -68,15 +67,3 @@ def _headings(b: StageRows) -> Float[np.ndarray, "m k"]:
     flipped = about + np.pi * (np.arange(_HEADINGS) % 2)
     known = np.isfinite(b.heading_rad)[:, None]
     return np.where(known, np.where(only_axis[:, None], flipped, about), anywhere)
-
-
-def _outline(b: StageRows) -> tuple[Float[np.ndarray, "m"], ...]:
-    """Length, width and the error of half of them; those of a common car where they are unknown."""
-    (length, width), (by_length, by_width) = b.size_m[:, :2].T, b.size_sigma_m[:, :2].T
-    sigma = np.hypot(by_length, by_width) / 2
-    known = np.isfinite(length + width + sigma)
-    return (
-        np.where(known, length, VEHICLE_LENGTH_M),
-        np.where(known, width, VEHICLE_WIDTH_M),
-        np.where(known, sigma, 0.0),
-    )

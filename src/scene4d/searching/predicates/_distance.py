@@ -72,6 +72,15 @@ class Separation:
         bearing = np.where(same, ANY_RAD, bearing)
         return cls(vector, distance, unit, np.sqrt(along), bearing, covariance)
 
+    def near(self, tau_m: float, sigma_m: float) -> Float[np.ndarray, "m"]:
+        """P(near) of the distances (:func:`near_probability`)."""
+        return near_probability(
+            self.distance_m,
+            tau_m=tau_m,
+            sigma_m=sigma_m,
+            distance_sigma_m=self.distance_sigma_m,
+        )
+
 
 def near(
     a: StageRows, b: StageRows, *, tau_m: float = NEAR_TAU_M, sigma_m: float = NEAR_SIGMA_M
@@ -80,10 +89,7 @@ def near(
     line between them is ``uᵀ (C_a + C_b + D Dᵀ) u`` (:class:`Separation`). τ and σ in metres
     (Wagner et al. 2019). NaN where one of them has no position.
     """
-    way = Separation.between(a, b)
-    return near_probability(
-        way.distance_m, tau_m=tau_m, sigma_m=sigma_m, distance_sigma_m=way.distance_sigma_m
-    )
+    return Separation.between(a, b).near(tau_m, sigma_m)
 
 
 def far(

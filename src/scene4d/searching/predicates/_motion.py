@@ -3,7 +3,7 @@
 import numpy as np
 from jaxtyping import Float
 
-from scene4d.searching.predicates._distance import near
+from scene4d.searching.predicates._distance import far, near
 from scene4d.searching.predicates._gaussian import above, form
 from scene4d.searching.predicates.stage import StageRows
 
@@ -102,7 +102,7 @@ def arrived(
     its track begins if that is later: it has come here. As :func:`staying`.
     """
     early, _ = a.stage.window(a.index, window_s)
-    return _elsewhere(a, a.stage.rows(early), radius_m, sigma_m)
+    return far(a, a.stage.rows(early), tau_m=radius_m, sigma_m=sigma_m)
 
 
 def departs(
@@ -116,13 +116,7 @@ def departs(
     where its track ends if that is earlier: :func:`arrived` with time reversed.
     """
     _, late = a.stage.window(a.index, window_s)
-    return _elsewhere(a, a.stage.rows(late), radius_m, sigma_m)
-
-
-def _elsewhere(
-    a: StageRows, then: StageRows, radius_m: float, sigma_m: float
-) -> Float[np.ndarray, "m"]:
-    return 1 - near(a, then, tau_m=radius_m, sigma_m=sigma_m)
+    return far(a, a.stage.rows(late), tau_m=radius_m, sigma_m=sigma_m)
 
 
 def present(a: StageRows) -> Float[np.ndarray, "m"]:

@@ -10,10 +10,10 @@ import numpy as np
 
 from scene4d.searching.predicates._beside import beside
 from scene4d.searching.predicates._body import arm_moving_down, arm_moving_up
-from scene4d.searching.predicates._coloured import coloured
 from scene4d.searching.predicates._crowd import alone, crowded
 from scene4d.searching.predicates._distance import between, far, near, same_place
 from scene4d.searching.predicates._entrances import at_entrance
+from scene4d.searching.predicates._looks import coloured, longer_than, taller_than
 from scene4d.searching.predicates._motion import (
     arrived,
     departs,
@@ -32,7 +32,6 @@ from scene4d.searching.predicates._relation import (
     moving_towards,
     together,
 )
-from scene4d.searching.predicates._size import longer_than, taller_than
 from scene4d.searching.predicates._spots import near_spot
 from scene4d.searching.predicates._turning import reversing, turning_left, turning_right, u_turning
 from scene4d.searching.predicates._visibility import (
@@ -102,14 +101,10 @@ _RANGES: dict[str, tuple[str, float, float]] = {
     "sigma_s": ("s", 0.01, 600.0),
     "share": ("", 0.0, 1.0),
     "count": ("", 2.0, 1e3),
-    "zone": ("zone", 0.0, np.inf),
-    "line": ("line", 0.0, np.inf),
-    "spot": ("spot", 0.0, np.inf),
-    "side": ("side", 0.0, np.inf),
-    "colour": ("colour", 0.0, np.inf),
-    "part": ("part", 0.0, np.inf),
 }
-"""Unit and range of a parameter follow from its name. Ranges only keep out what cannot be meant."""
+"""Unit and range of a number follow from its name. Ranges only keep out what cannot be meant."""
+NAMED = ("zone", "line", "spot", "side", "colour", "part")
+"""Parameters that are names, and no numbers."""
 
 
 def _predicate(function: _Function, *reads: str, **facts: Any) -> Predicate:
@@ -119,7 +114,7 @@ def _predicate(function: _Function, *reads: str, **facts: Any) -> Predicate:
     parameters = {}
     for p in signature:
         if p.kind is p.KEYWORD_ONLY:
-            unit, low, high = _RANGES[p.name]
+            unit, low, high = (p.name, 0.0, np.inf) if p.name in NAMED else _RANGES[p.name]
             default = None if p.default is p.empty else p.default
             parameters[p.name] = Parameter(p.name, default, unit, low, high)
     return Predicate(

@@ -35,8 +35,8 @@ there; the speed was chosen by hand."""
 _FACING_RAD = np.pi / 4
 _FACING_SIGMA_RAD = np.radians(15.0)
 _SIDE_SIGMA_M = 0.3
-VEHICLE_LENGTH_M = 4.6
-VEHICLE_WIDTH_M = 1.85
+_LENGTH_M = 4.6
+_WIDTH_M = 1.85
 """A common car, for vehicles of unknown size; only the difference of the two counts."""
 AXIS_SIGMA_RAD = np.radians(10.0)
 """Of a heading without a spread of its own, as of a vehicle of which only the axis is known; chosen
@@ -180,7 +180,7 @@ def _at_side(way: Separation, b: StageRows, side: str, sigma_m: float) -> np.nda
     own = np.where(only_axis, AXIS_SIGMA_RAD, b.heading_sigma_rad)
     forwards = np.stack([np.cos(b.heading_rad), np.sin(b.heading_rad)], axis=1)
     place = -way.vector_m
-    apex, apex_sigma = _faces_meet(b)
+    length, width, apex_sigma = outline(b)
     along = apex_sigma[:, None] * forwards
 
     def beyond(axis: np.ndarray) -> np.ndarray:
@@ -188,7 +188,7 @@ def _at_side(way: Separation, b: StageRows, side: str, sigma_m: float) -> np.nda
             place,
             way.covariance_m2 + along[:, :, None] * along[:, None, :],
             axis,
-            apex=apex,
+            apex=(length - width) / 2,
             half_angle_rad=np.pi / 4,
             axis_sigma_rad=own,
             sigma=sigma_m,
@@ -208,12 +208,13 @@ def _at_side(way: Separation, b: StageRows, side: str, sigma_m: float) -> np.nda
     return np.where(only_axis, beside / 2, beside * share)
 
 
-def _faces_meet(b: StageRows) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m"]]:
-    """How far before and behind a vehicle's middle its front, or back, and both sides are equally
-    near, and the standard deviation of that; as of a common car where the size is not known.
-    """
+def outline(b: StageRows) -> tuple[Float[np.ndarray, "m"], ...]:
+    """Length, width and the error of half of them; those of a common car where they are unknown."""
     (length, width), (by_length, by_width) = b.size_m[:, :2].T, b.size_sigma_m[:, :2].T
-    apex, sigma = (length - width) / 2, np.hypot(by_length, by_width) / 2
-    known = np.isfinite(apex + sigma)
-    common = (VEHICLE_LENGTH_M - VEHICLE_WIDTH_M) / 2
-    return np.where(known, apex, common), np.where(known, sigma, 0.0)
+    sigma = np.hypot(by_length, by_width) / 2
+    known = np.isfinite(length + width + sigma)
+    return (
+        np.where(known, length, _LENGTH_M),
+        np.where(known, width, _WIDTH_M),
+        np.where(known, sigma, 0.0),
+    )

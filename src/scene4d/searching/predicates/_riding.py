@@ -19,6 +19,11 @@ annotated there because they do things with cars: elsewhere others' cars drive o
 _WITHIN_SHARE, _WITHIN_SIGMA = 0.7, 0.15
 
 
+def within(share: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+    """P(what has so large a share of its box covered by a vehicle's is inside its outline)."""
+    return ndtr((share - _WITHIN_SHARE) / _WITHIN_SIGMA)
+
+
 def riding(
     stage: Stage, track: Int[np.ndarray, " p"], vehicle: Int[np.ndarray, "p"]
 ) -> Float[np.ndarray, " p"]:
@@ -37,8 +42,7 @@ def riding(
     if not len(owner):
         return out
     count = np.bincount(owner, minlength=len(pairs))
-    within = ndtr((covered(box[rows], box[beside]) - _WITHIN_SHARE) / _WITHIN_SIGMA)
-    total = np.bincount(owner, within, len(pairs))
+    total = np.bincount(owner, within(covered(box[rows], box[beside])), len(pairs))
     begin = np.flatnonzero(np.diff(owner, prepend=-1))
     end = np.append(begin[1:], len(owner)) - 1
     way = stage.tracks.xy_m[beside[end]] - stage.tracks.xy_m[beside[begin]]

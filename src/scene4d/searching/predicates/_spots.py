@@ -10,7 +10,7 @@ from jaxtyping import Float, Int
 from scene4d.core.columns import Columns
 from scene4d.core.errors import InputError
 from scene4d.core.text import nearest
-from scene4d.searching.predicates._distance import Separation, near_probability
+from scene4d.searching.predicates._distance import Separation
 from scene4d.searching.predicates._meeting import BOUND_SIGMA, MOST_SPREAD_M, runs
 from scene4d.searching.predicates._when import When
 from scene4d.searching.predicates.stage import CameraFactor, Factors, Stage, StageRows
@@ -88,9 +88,7 @@ class Spots:
             rows.camera_factor,
             None if self._factors is None else self._factors[spot],
         )
-        p[known] = self.table.score[spot] * near_probability(
-            way.distance_m, tau_m=tau_m, sigma_m=sigma_m, distance_sigma_m=way.distance_sigma_m
-        )
+        p[known] = self.table.score[spot] * way.near(tau_m, sigma_m)
         return p, at
 
     def _reach_m(self, a: StageRows, tau_m: float, sigma_m: float) -> Float[np.ndarray, "m"]:

@@ -39,11 +39,11 @@ from jaxtyping import Float, Int
 
 from scene4d.core.body import BORDER_PX
 from scene4d.core.boxes import covered
-from scene4d.searching.predicates._afterwards import Afterwards, Ends
+from scene4d.searching.predicates._afterwards import BEFORE_SIGMA, Afterwards, Ends, enough
 from scene4d.searching.predicates._gaussian import ndtr
 from scene4d.searching.predicates._meeting import expand
 from scene4d.searching.predicates._posture import stooping
-from scene4d.searching.predicates._riding import drives_ratio, riding
+from scene4d.searching.predicates._riding import drives_ratio, riding, within
 from scene4d.searching.predicates.stage import Stage, StageRows, all_finite
 
 # Means and softness of the factors above: times in seconds, lengths as shares of a box's size.
@@ -51,9 +51,6 @@ _END_SIGMA_S = 1.0
 _LOOK_S = 0.5
 _BORDER_SHARE, _BORDER_SIGMA = 0.1, 0.05
 _LEAVING_SHARE, _LEAVING_SIGMA = 0.15, 0.05
-_COVERED_SHARE, _COVERED_SIGMA = 0.5, 0.15
-_BEFORE_SIGMA = 0.05
-_WITHIN_SHARE, _WITHIN_SIGMA = 0.7, 0.15
 _CLIP_SIGMA_S = 0.5
 _ENTRIES = 0.5
 """Share of the ends within a vehicle's outline that are entries: 149 of 324 on the tuning cameras
@@ -165,15 +162,15 @@ def _end(a: StageRows, b: StageRows | None, last: bool, sigma_s: float) -> np.nd
     other = b.stage.track_of_row[b.index]
     hidden = np.where(ends.whom[track, 0] == other, ends.hidden[track, 1], ends.hidden[track, 0])
     share = covered(ends.box_xyxy[track], _nearest_box(b.stage, other, ends.time_s[track]))
-    within = ndtr((share - _WITHIN_SHARE) / _WITHIN_SIGMA)
+    is_within = within(share)
     left_to_it = ends.still[track] * (1 - hidden)
     upright = _upright_inside(a, b)
     posture = upright + (1 - upright) * _posture_ratio(a.stage, ends, track)
     pair, number = np.unique(track * len(ends.row) + other, return_inverse=True)
     moment = ends.time_s[pair // len(ends.row)]
     drives = drives_ratio(b.stage, pair % len(ends.row), np.nan_to_num(moment), last)[number]
-    inside = _ENTRIES * left_to_it * within * posture * drives
-    about = left_to_it * (1 - _ENTRIES * within) * _afterwards(a.stage, last).ratio(track)
+    inside = _ENTRIES * left_to_it * is_within * posture * drives
+    about = left_to_it * (1 - _ENTRIES * is_within) * _afterwards(a.stage, last).ratio(track)
     return np.asarray(bump * inside / (inside + 1 - left_to_it + about))
 
 
@@ -193,7 +190,7 @@ def _of_people(stage: Stage, last: bool) -> Ends:
     ends = _kept(stage, last)
     people = stage.tracks.class_name[stage.first_row] == "person"
     track = np.flatnonzero(people & (ends.row >= 0))
-    alone = 1 - ndtr((ends.touched[track] - _COVERED_SHARE) / _COVERED_SIGMA)
+    alone = 1 - enough(ends.touched[track])
     # Those who are seen through a window of the vehicle that covers them are inside, not about.
     covers = np.hstack([_kept(stage, end).whom[track] for end in (True, False)])
     rides = np.max([riding(stage, track, vehicle) for vehicle in covers.T], axis=0)
@@ -254,7 +251,7 @@ def _ends(stage: Stage, last: bool) -> _Ends:
     everything = stage.span_s[1 if last else 0]
     clip = 1 - np.exp(-(((time_s[track] - everything) / _CLIP_SIGMA_S) ** 2) / 2)
     free[track], still[track] = border * clip, (1 - (1 - border) * outwards) * clip
-    _hide(stage, track, row, seen, (now, then), hidden, whom, touched)
+    hidden[track], whom[track], touched[track] = _hidden(stage, row, seen, (now, then))
     return _Ends(at, time_s, box, free, still, hidden, whom, touched, seen)
 
 
@@ -303,19 +300,15 @@ def _margin(box: np.ndarray, image_size: tuple[int, int]) -> np.ndarray:
     return np.asarray(np.minimum.reduce(sides))
 
 
-def _hide(
-    stage: Stage,
-    track: np.ndarray,
-    row: np.ndarray,
-    seen: np.ndarray,
-    boxes: tuple[np.ndarray, np.ndarray],
-    hidden: np.ndarray,
-    whom: np.ndarray,
-    touched: np.ndarray,
-) -> None:
-    """Find for every end the two objects that hide it most, and how much any other covers of it."""
+def _hidden(
+    stage: Stage, row: np.ndarray, seen: np.ndarray, boxes: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """P(hidden) of every end by the two objects that hide it most, their tracks, and how much any
+    other covers of it.
+    """
     tracks = stage.tracks
-    time = tracks.time_s[row]
+    hidden, whom = np.zeros((len(row), 2)), np.full((len(row), 2), -1)
+    touched, time = np.zeros(len(row)), tracks.time_s[row]
     order = np.argsort(time, kind="stable")
     # Which ends fall within half a step of every row that was seen?
     reach, at = 0.501 * stage.step_s, tracks.time_s[seen]
@@ -323,16 +316,16 @@ def _hide(
     count = np.searchsorted(time[order], at + reach, side="right") - low
     owner, position = expand(low, count)
     if not len(owner):
-        return
+        return hidden, whom, touched
     other, end = seen[owner], order[position]
-    foreign = stage.track_of_row[other] != track[end]
+    foreign = stage.track_of_row[other] != stage.track_of_row[row[end]]
     other, end = other[foreign], end[foreign]
     box = tracks.box_xyxy[other]
     share = np.maximum(*(covered(part[end], box) for part in boxes))
-    np.maximum.at(touched, track[end], share)
+    np.maximum.at(touched, end, share)
     now = boxes[0][end]
-    depth = (box[:, 3] - now[:, 3]) / (_BEFORE_SIGMA * np.maximum(now[:, 3] - now[:, 1], 1.0))
-    value = ndtr((share - _COVERED_SHARE) / _COVERED_SIGMA) * ndtr(depth)
+    depth = (box[:, 3] - now[:, 3]) / (BEFORE_SIGMA * np.maximum(now[:, 3] - now[:, 1], 1.0))
+    value = enough(share) * ndtr(depth)
     value[share == 0] = 0.0
     by = stage.track_of_row[other]
     # Largest first within every end; an object counts once.
@@ -340,6 +333,7 @@ def _hide(
         best = np.zeros(len(row))
         np.maximum.at(best, end, value)
         top = (value == best[end]) & (value > 0)
-        hidden[track, rank] = best
-        whom[track[end[top]], rank] = by[top]
-        value = np.where(by == whom[track[end], rank], 0.0, value)
+        hidden[:, rank] = best
+        whom[end[top], rank] = by[top]
+        value = np.where(by == whom[end, rank], 0.0, value)
+    return hidden, whom, touched

@@ -159,11 +159,7 @@ class Stage:
         """
         if self.camera is None:
             return np.ones(len(rows))
-        xy = self.tracks.xy_m[rows]
-        foot, head = (
-            self.camera.project(np.column_stack([xy, np.full(len(xy), height_m)]))[0]
-            for height_m in (0.0, PERSON_HEIGHT_M)
-        )
+        foot, head = upright_uv(self.camera, self.tracks.xy_m[rows])
         return np.asarray(np.abs(head - foot)[:, 1] / PERSON_HEIGHT_M)
 
     def frame_at(self, time_s: float) -> int:
@@ -186,6 +182,15 @@ class Stage:
         if self.camera_factor is None:
             return None
         return Factors(self.camera_factor, self.tracks.xy_m)
+
+
+def upright_uv(
+    camera: Camera, xy_m: Float[np.ndarray, "m 2"]
+) -> tuple[Float[np.ndarray, "m 2"], Float[np.ndarray, "m 2"]]:
+    """Pixels of the foot and the head of upright people at some places."""
+    low, high = np.zeros(len(xy_m)), np.full(len(xy_m), PERSON_HEIGHT_M)
+    foot, head = (camera.project(np.column_stack([xy_m, z_m]))[0] for z_m in (low, high))
+    return foot, head
 
 
 def ticks_of(time_s: Float[np.ndarray, "n"], step_s: float) -> Int[np.ndarray, "n"]:
