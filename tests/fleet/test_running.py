@@ -140,7 +140,10 @@ def test_the_command_tracks_searches_and_merges(folder, capsys):
 
     from scene4d.cli.app import app
 
-    asked = plan(folder, "search: {words: [a person walks, person enters vehicle]}")
+    square = [[-900, -900], [900, -900], [900, 900], [-900, 900]]
+    (folder / "zones.json").write_text(json.dumps({"zones": {"yard": square}}))
+    three = "a person walks, person enters vehicle, a person is in zone yard"
+    asked = plan(folder, f"search: {{words: [{three}], zones: zones.json}}")
     words = ["fleet", str(asked), "--out", str(folder / "store"), "--json"]
     said = json.loads(CliRunner().invoke(app, words).stdout)
     assert said["error"] is None and said["quarantine"] == []
@@ -150,6 +153,7 @@ def test_the_command_tracks_searches_and_merges(folder, capsys):
     scores = [(-(one["probability"] or 0), -one["score"]) for one in walks["best"]]
     assert scores == sorted(scores)
     assert said["searches"]["person enters vehicle"]["events"] == 0  # there is no vehicle
+    assert said["searches"]["a person is in zone yard"]["events"] >= 8
     assert said["cpu_h_per_camera_hour"] > 0
 
     clips = sorted((folder / "store" / "track" / "gate").iterdir())

@@ -265,9 +265,7 @@ def _beside(text: str, base: Path) -> str | Path:
 
 def _search(said: JsonObject, base: Path) -> tuple[tuple[str, ...], "SearchOptions | None"]:
     """What to search for, which must be understood, and how."""
-    from scene4d.searching import SearchOptions
-    from scene4d.searching.activities.catalogue import load_catalogue
-    from scene4d.searching.language import parse_query
+    from scene4d.searching import SearchOptions, words_of
 
     options = _stage(said, "search", SearchOptions, base, "words")
     if options is None:
@@ -275,13 +273,11 @@ def _search(said: JsonObject, base: Path) -> tuple[tuple[str, ...], "SearchOptio
     words = said.object("search").texts("words")
     if not words:
         raise said.object("search").error("words", "one text or more, as 'person enters vehicle'")
-    catalogue = load_catalogue(*options.catalogues)
-    if options.zones is None:  # with zones, which of them there are is known where they are read
-        for one in words:
-            try:
-                parse_query(one, catalogue)
-            except InputError as error:
-                raise InputError(f"{said.where}: field 'search.words': {error}") from error
+    for one in words:
+        try:
+            words_of(one, options, None)
+        except InputError as error:
+            raise InputError(f"{said.where}: field 'search.words': {error}") from error
     return words, options
 
 

@@ -141,15 +141,13 @@ def _align(job: Job, store: Store, scratch: Path, out: Path) -> float:
 def _search(job: Job, store: Store, scratch: Path, out: Path) -> float:
     from arro3.io import write_parquet
 
-    from scene4d.searching import search
-    from scene4d.searching.activities.catalogue import load_catalogue
-    from scene4d.searching.language import parse_query
+    from scene4d.searching import search, words_of
 
     options = job.task.options
     scenes = [_scene(need, store, scratch) for need in job.needs]
     runs = [run for _, of_one in scenes for run in of_one]
     said = {"words": job.task.words, "runs": len(runs), "events": 0}
-    activity = parse_query(job.task.words, load_catalogue(*options.catalogues)).activity
+    activity = words_of(job.task.words, options, None)[0].activity
     # Where nobody of the kind was ever tracked, nothing is found; alone it would be an error.
     if any(run.rows and activity.playable_by(run.classes) for run in runs):
         found = search([folder for folder, _ in scenes], job.task.words, options)

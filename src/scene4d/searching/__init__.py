@@ -1,6 +1,6 @@
 """``scene4d search``: words in, ranked events out."""
 
-from scene4d.searching._asking import Asked, SearchOptions, understand, understand_all
+from scene4d.searching._asking import Asked, SearchOptions, understand, understand_all, words_of
 from scene4d.searching._entry import answer, opened, search
 from scene4d.searching._places import Place, Places, read_places
 from scene4d.searching.result import FoundEvent, SearchResult
@@ -18,4 +18,5 @@ __all__ = [
     "search",
     "understand",
     "understand_all",
+    "words_of",
 ]
