@@ -58,8 +58,11 @@ browser:
 	{ echo "installing chromium (once; about 300 MB)"; apt-get -qq update && \
 	DEBIAN_FRONTEND=noninteractive apt-get -qq install --no-install-recommends --yes chromium >/dev/null; }
 
+# Where byte code is not wanted beside the sources it is kept in pytest's cache: without any, each of
+# three processes compiles the libraries anew.
 pytest: $(DEV) browser
-	$(BIN)/python -m pytest -n $(JOBS) $(TESTS)
+	$(if $(PYTHONDONTWRITEBYTECODE),PYTHONDONTWRITEBYTECODE= \
+	PYTHONPYCACHEPREFIX=$(CURDIR)/.pytest_cache/d/bytecode) $(BIN)/python -m pytest -n $(JOBS) $(TESTS)
 
 format: $(DEV)
 	$(BIN)/ruff check --fix .

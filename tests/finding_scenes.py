@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from made_tracks import made_tracks
 from scene4d.core.calibration import Calibration
 from scene4d.core.tracks import Tracks
 from scene4d.store.writing import SceneWriter
@@ -28,25 +29,11 @@ def track(number: int, xy: np.ndarray, begin_s: float = 0.0, kind: str = "person
     time_s = begin_s + np.arange(n) / FPS
     velocity = np.gradient(xy, 1 / FPS, axis=0)
     box = person_box if kind == "person" else car_box
-    unit = np.broadcast_to(np.eye(2), (n, 2, 2)).copy()
-    return Tracks(
-        track=np.full(n, number),
-        class_name=np.full(n, kind),
-        time_s=time_s,
-        frame=np.rint(time_s * FPS).astype(int),
-        xy_m=xy,
-        covariance_m2=0.1**2 * unit,
-        shared_covariance_m2=0 * unit,
-        velocity_mps=velocity,
-        velocity_covariance=0.05**2 * unit,
-        heading_rad=np.arctan2(velocity[:, 1], velocity[:, 0]),
-        heading_sigma_rad=np.full(n, 0.2),
+    return made_tracks(
+        number, time_s, xy, class_name=kind, frame=np.rint(time_s * FPS).astype(int),
+        velocity_mps=velocity, velocity_covariance=0.05**2, heading_sigma_rad=0.2,
         box_xyxy=np.array([box(place) for place in xy]),
-        keypoint_uv=np.zeros((n, 0, 2)),
-        keypoint_score=np.zeros((n, 0)),
-        score=np.ones(n),
-        observed=np.ones(n, bool),
-    )
+    )  # fmt: skip
 
 
 def walk(start, end, seconds: float) -> np.ndarray:

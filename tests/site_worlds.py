@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from made_tracks import made_tracks
 from scene4d.core.calibration import Calibration
 from scene4d.core.placement import Placement
 from scene4d.core.tracks import Tracks
@@ -98,32 +99,18 @@ def seen(
 
 
 def _rows(eye, back, walker, rows, track, error, rng) -> Tracks:
-    n = len(rows)
     velocity = np.gradient(walker.xy_m, 1 / FPS, axis=0)[rows]
     xy = back.points(walker.xy_m[rows] + error)
-    unit = np.broadcast_to(np.eye(2), (n, 2, 2)).copy()
     own = back.velocities(velocity)
     height = walker.height_m * back.scale + rng.normal(0, 0.04)
-    return Tracks(
-        track=np.full(n, track),
-        class_name=np.full(n, walker.kind),
-        time_s=back.times(walker.time_s[rows]),
+    return made_tracks(
+        track, back.times(walker.time_s[rows]), xy, class_name=walker.kind,
         frame=np.rint(walker.time_s[rows] * FPS).astype(int),
-        xy_m=xy,
-        covariance_m2=(eye.noise_m * back.scale) ** 2 * unit,
-        shared_covariance_m2=(eye.shared_m * back.scale) ** 2 * unit,
-        velocity_mps=own,
-        velocity_covariance=0.1**2 * unit,
-        heading_rad=np.arctan2(own[:, 1], own[:, 0]),
-        heading_sigma_rad=np.full(n, 0.2),
-        box_xyxy=np.tile([100.0, 100.0, 140.0, 220.0], (n, 1)),
-        keypoint_uv=np.zeros((n, 0, 2)),
-        keypoint_score=np.zeros((n, 0)),
-        score=np.ones(n),
-        observed=np.ones(n, bool),
-        size_m=np.tile([np.nan, np.nan, height], (n, 1)),
-        size_sigma_m=np.tile([np.nan, np.nan, 0.05], (n, 1)),
-    )
+        covariance_m2=(eye.noise_m * back.scale) ** 2,
+        shared_covariance_m2=(eye.shared_m * back.scale) ** 2, velocity_mps=own,
+        velocity_covariance=0.1**2, heading_sigma_rad=0.2, box_xyxy=[100.0, 100.0, 140.0, 220.0],
+        size_m=[np.nan, np.nan, height], size_sigma_m=[np.nan, np.nan, 0.05],
+    )  # fmt: skip
 
 
 def store(

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from made_tracks import made_tracks
 from scene4d.alignment._anchors import tied
 from scene4d.core.placement import Placement
 from scene4d.core.tracks import Tracks
@@ -67,24 +68,7 @@ def traffic(rng, frame, streets=STREETS, count=25, strays=0.15, kind="car", side
 
 
 def rows(track, kind, xy) -> Tracks:
-    n = len(xy)
-    two, nan = np.broadcast_to(np.eye(2), (n, 2, 2)), np.full((n, 2), np.nan)
-    return Tracks(
-        track=np.full(n, track),
-        class_name=np.full(n, kind),
-        time_s=np.arange(n) / FPS,
-        frame=np.arange(n),
-        xy_m=xy,
-        covariance_m2=0.04 * two,
-        shared_covariance_m2=0.0 * two,
-        velocity_mps=nan,
-        velocity_covariance=0.04 * two,
-        heading_rad=np.full(n, np.nan),
-        heading_sigma_rad=np.full(n, np.nan),
-        box_xyxy=np.full((n, 4), np.nan),
-        keypoint_uv=np.zeros((n, 0, 2)),
-        keypoint_score=np.zeros((n, 0)),
-        score=np.full(n, 0.9),
-        observed=np.ones(n, bool),
-        existence_probability=np.full(n, 0.95),
-    )
+    return made_tracks(
+        track, np.arange(len(xy)) / FPS, xy, class_name=kind, covariance_m2=0.04,
+        velocity_covariance=0.04, score=0.9, existence_probability=0.95,
+    )  # fmt: skip

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
+from made_tracks import made_tracks
 from scene4d.core.calibration import Calibration
 from scene4d.core.camera import Camera
 from scene4d.core.placement import Placement
@@ -268,33 +269,17 @@ def _column(rows, k):
 
 
 def _tracks(rows):
-    n = sum(len(row[2]) for row in rows)
     time_s = np.concatenate([row[3] for row in rows] or [np.zeros(0)])
     frame = np.concatenate([row[2] for row in rows] or [np.zeros(0)]).astype(int)
     xy = np.concatenate([row[4] for row in rows] or [np.zeros((0, 2))])
     velocity = np.concatenate(
         [np.gradient(_smooth(row[4]), row[3], axis=0) for row in rows] or [np.zeros((0, 2))]
     )
-    two = np.broadcast_to(np.eye(2), (n, 2, 2))
-    return Tracks(
-        track=_column(rows, 0),
-        class_name=np.full(n, "person"),
-        time_s=time_s,
-        frame=frame,
-        xy_m=xy,
-        covariance_m2=0.08**2 * two,
-        shared_covariance_m2=0.1**2 * two,
-        velocity_mps=velocity,
-        velocity_covariance=0.2**2 * two,
-        heading_rad=np.arctan2(velocity[:, 1], velocity[:, 0]),
-        heading_sigma_rad=np.full(n, 0.2),
-        box_xyxy=np.full((n, 4), np.nan),
-        keypoint_uv=np.zeros((n, 0, 2)),
-        keypoint_score=np.zeros((n, 0)),
-        score=np.full(n, 0.9),
-        observed=np.ones(n, bool),
-        existence_probability=np.full(n, 0.95),
-    )
+    return made_tracks(
+        _column(rows, 0), time_s, xy, frame=frame, covariance_m2=0.08**2,
+        shared_covariance_m2=0.1**2, velocity_mps=velocity, velocity_covariance=0.2**2,
+        heading_sigma_rad=0.2, score=0.9, existence_probability=0.95,
+    )  # fmt: skip
 
 
 def _smooth(xy, width=3):

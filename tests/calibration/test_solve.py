@@ -14,7 +14,6 @@ from scenes import (
     sigmas_of,
     solve_points,
 )
-from trials import trials
 
 import scene4d
 from scene4d import solve_camera
@@ -22,60 +21,6 @@ from scene4d.core.camera import Lens
 from scene4d.core.orientation import Orientation
 from scene4d.core.people import Segments
 from strategies import build_camera, build_lens, people_scene
-
-# Median errors over the seeds: focal length (fraction), tilt (degrees), height (fraction), ground
-# where people walked (m, after rigid alignment). Half as large would mean that the noise did not
-# reach the solver, twice as large that the solver wastes what it is given.
-EXPECTED = [
-    (5, {}, 20, (0.070, 1.03, 0.067, 0.16)),
-    (10, {}, 20, (0.032, 0.82, 0.030, 0.16)),
-    (30, {}, 42, (0.021, 0.33, 0.018, 0.09)),
-    (100, {}, 42, (0.013, 0.25, 0.013, 0.075)),
-    (1000, {}, 20, (0.0037, 0.081, 0.0037, 0.021)),
-    (10_000, {}, 5, (0.0016, 0.017, 0.0006, 0.011)),
-    (100, {"outliers": 0.1}, 42, (0.015, 0.30, 0.016, 0.082)),
-    (1000, {"outliers": 0.4}, 20, (0.0057, 0.104, 0.0084, 0.036)),
-    (100, {"noise": 0.005, "noise_px": 0.2}, 20, (0.0074, 0.140, 0.012, 0.051)),
-    (100, {"noise": 0.08, "noise_px": 2.0}, 20, (0.037, 0.65, 0.0195, 0.182)),
-    (100, {"tilt_deg": 5.0}, 20, (0.046, 0.184, 0.0105, 0.41)),
-    (100, {"tilt_deg": 60.0}, 20, (0.0189, 0.438, 0.0125, 0.048)),
-    (100, {"fov_deg": 15.0}, 20, (0.052, 1.147, 0.0455, 0.224)),
-    (100, {"fov_deg": 90.0}, 20, (0.0057, 0.206, 0.0076, 0.094)),
-    (100, {"tracks": 20}, 42, (0.014, 0.28, 0.014, 0.11)),
-]
-
-
-@pytest.mark.parametrize(("n", "view", "seeds", "expected"), EXPECTED)
-def test_errors_are_of_the_size_that_the_noise_explains(n, view, seeds, expected):
-    found = trials(n, seeds, **view)
-    # Of five people several cameras may be nearly as likely.
-    assert len(found.refused) <= (0.2 if n < 10 else 0.1) * seeds, found.refused
-    median = np.median(np.abs(found.error), axis=0)
-    measured = np.array([median[0], np.degrees(median[1]), median[3], np.median(found.ground_m)])
-    ratio = measured / expected
-    assert (ratio > 0.5).all(), ratio
-    assert (ratio < 1.8).all(), ratio
-    # No single scene goes astray unannounced.
-    assert (found.ground_m < 6 * found.predicted_m).all()
-
-
-def test_more_people_and_less_noise_help_as_they_should():
-    """Errors fall with the square root of the crowd; four times the noise does not stay hidden."""
-    few = np.median(np.abs(trials(30, 42).error), axis=0)
-    many = np.median(np.abs(trials(1000, 20).error), axis=0)
-    gain = few / many  # sqrt(1000 / 30) = 5.8
-    assert (gain > 3.0).all(), gain
-    assert (gain < 11.0).all(), gain
-    quiet = trials(100, 20, noise=0.005, noise_px=0.2).error
-    loud = trials(100, 20, noise=0.08, noise_px=2.0).error
-    # Roll hangs on the direction of people, which heights do not disturb: it follows the noise.
-    assert 8 < np.median(np.abs(loud[:, 2])) / np.median(np.abs(quiet[:, 2])) < 32
-
-
-def test_errors_have_no_direction():
-    """Over all seeds the errors are symmetric: the mean is small beside their spread."""
-    z = np.concatenate([trials(n, 42).z for n in (30, 100)])
-    assert (np.abs(z.mean(axis=0)) < 0.3).all(), z.mean(axis=0)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -376,9 +321,9 @@ def test_people_of_one_frame_are_different_people():
 
 @pytest.mark.parametrize("sightings", [1, 100])
 def test_memory_grows_in_proportion_and_stays_small(sightings):
-    """``sightings`` of each person; a dense system of 50,000 people would take 80 GB."""
+    """``sightings`` of each person; a dense system of 20,000 people would take 13 GB."""
     peaks = []
-    for n in (5_000, 50_000):
+    for n in (2_000, 20_000):
         tracks = None if sightings == 1 else n // sightings
         scene = draw_scene(11, n, outliers=0.1, tracks=tracks)
         camera, people = scene.camera, scene.people
@@ -390,7 +335,7 @@ def test_memory_grows_in_proportion_and_stays_small(sightings):
         tracemalloc.stop()
         assert found
         assert found.camera.focal_px == pytest.approx(camera.focal_px, rel=0.03)
-    assert peaks[1] < 100e6
+    assert peaks[1] < 40e6
     assert peaks[1] < 14 * peaks[0]
 
 

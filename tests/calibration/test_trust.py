@@ -28,10 +28,10 @@ def swaying(scene: Scene, rng: np.random.Generator) -> Segments:
     return replace(found, frame=np.arange(len(found)))
 
 
-def rms_z() -> np.ndarray:
+def rms_z(seeds: range = SEEDS) -> np.ndarray:
     """Of focal length, tilt, roll and height over crowds of twelve who sway."""
     z = []
-    for seed in SEEDS:
+    for seed in seeds:
         scene = draw_scene(seed, 300, tracks=12, tilt_deg=25.0, height_m=6.0, fov_deg=60.0)
         people = swaying(scene, np.random.default_rng(100 + seed))
         found = solve_points(people, scene.camera.image_size, estimate_distortion=False)
@@ -46,7 +46,7 @@ def test_tracks_that_err_as_a_whole_are_in_the_stated_uncertainty():
 
 def test_without_the_jackknife_roll_would_be_stated_far_too_surely(monkeypatch):
     monkeypatch.setattr(_uncertainty, "_beyond_the_model", lambda *_: np.zeros((7, 7)))
-    assert rms_z()[2] > 2
+    assert rms_z(SEEDS[:8])[2] > 2
 
 
 def test_the_jackknife_leaves_independent_errors_nearly_as_they_are(monkeypatch):

@@ -69,7 +69,7 @@ def _solved(n: int, seeds: int, view: dict) -> Trials:
 
 def ground_in_view(camera: Camera, reach_m: float, rng: np.random.Generator) -> np.ndarray:
     """Ground points (n, 2) drawn alike from all that the camera at the origin sees within reach."""
-    xy = rng.uniform(-reach_m, reach_m, (20_000, 2))
+    xy = rng.uniform(-reach_m, reach_m, (5_000, 2))
     xy = xy[np.hypot(*xy.T) < reach_m]
     uv, valid = camera.project(np.column_stack([xy, np.zeros(len(xy))]))
     return xy[valid & ((uv >= 0) & (uv <= np.array(camera.image_size) - 1)).all(axis=1)]

@@ -49,7 +49,7 @@ def test_a_folder_that_was_there_stays(run, tmp_path):
 
 
 @pytest.mark.weights
-def test_footage_without_people(run, networks, tmp_path):
+def test_footage_without_people(run, networks, tmp_path, plain_report):
     video = tmp_path / "blank.avi"
     writer = cv2.VideoWriter(str(video), cv2.VideoWriter_fourcc(*"MJPG"), 5, (320, 240))
     for i in range(6):
@@ -133,7 +133,7 @@ def test_impossible_boxes_can_be_left_out(run, known, scene, tmp_path, plain_rep
     assert any("2 of 62 boxes" in warning for warning in found["warnings"])
 
 
-def test_people_in_one_spot(run, known, scene, tmp_path):
+def test_people_in_one_spot(run, known, scene, tmp_path, plain_report):
     rows = [f"{i},-1,{600 + i % 3},300,60,{200 + i % 5},1" for i in range(1, 40)]
     scene["boxes"].write_text("\n".join(rows))
     out = tmp_path / "o"

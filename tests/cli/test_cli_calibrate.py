@@ -173,7 +173,9 @@ def test_every_option_reaches_the_room(run, tmp_path, monkeypatch):
     assert seen[1] == ("rtsp://cam/1", chosen)
 
 
-def test_an_undetermined_camera_is_written_with_its_reason(run, known, scene, tmp_path):
+def test_an_undetermined_camera_is_written_with_its_reason(
+    run, known, scene, tmp_path, plain_report
+):
     scene["boxes"].write_text("1,-1,600,300,60,200,1\n2,-1,700,310,60,190,1\n")
     out = tmp_path / "out"
     done = run(*known, "--out", out)
@@ -223,7 +225,7 @@ def test_the_program_runs_without_a_home(spawn, known, tmp_path):
     assert "Height" in done.stdout and done.stdout.isascii()
 
 
-def test_the_format_of_annotations_can_be_named(run, known, scene, tmp_path):
+def test_the_format_of_annotations_can_be_named(run, known, scene, tmp_path, plain_report):
     right = run(*known, "--out", tmp_path / "a", "--format", "mot", "--json")
     assert json.loads(right.stdout)["status"] == "ok", right.stderr
     wrong = run(*known, "--out", tmp_path / "b", "--format", "kpf")

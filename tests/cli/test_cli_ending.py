@@ -60,7 +60,7 @@ def test_ctrl_c_while_people_are_watched(networks, pets, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_ctrl_c_while_the_report_is_drawn(run, known, tmp_path, monkeypatch):
+def test_ctrl_c_while_files_are_written(run, known, tmp_path, monkeypatch, plain_report):
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 

@@ -1,6 +1,7 @@
 """``scene4d evaluate`` through the program: real recordings, any camera, and bad input."""
 
 import json
+import re
 from pathlib import Path
 
 import cv2
@@ -139,8 +140,11 @@ def thinned(path: Path, folder: Path, every: int) -> None:
 def test_pets_as_promised(run, shared_data, pets_images, tmp_path):
     data, out = tmp_path / "data", tmp_path / "pets"
     data.mkdir()
-    for name in ("View_001.xml", "PETS2009-S2L1.xml"):
-        (data / name).symlink_to(shared_data / "pets2009" / name)
+    (data / "View_001.xml").symlink_to(shared_data / "pets2009" / "View_001.xml")
+    drawn = (shared_data / "pets2009" / "PETS2009-S2L1.xml").read_text()
+    frames = re.compile(r"<frame number=.*?</frame>\s*", re.DOTALL)
+    fifth = frames.sub(lambda one: one[0] if int(one[0].split('"')[1]) % 5 == 0 else "", drawn)
+    (data / "PETS2009-S2L1.xml").write_text(fifth)
     video = cv2.VideoWriter(
         str(data / "few.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 1.0, pets_images[0].shape[1::-1]
     )
@@ -179,7 +183,7 @@ def test_towncentre_beats_the_paper_and_marks_what_is_circular(run, shared_data,
     full = shared_data / "towncentre"
     for name in ("TownCentre-calibration.ci", "tracker_boxes.txt", "frames"):
         (tmp_path / name).symlink_to(full / name)
-    thinned(full / "TownCentreGTHalfRes.csv", tmp_path, 20)
+    thinned(full / "TownCentreGTHalfRes.csv", tmp_path, 60)
     found = run("evaluate", "towncentre", "--data", tmp_path, "--json")
     rows = rows_of(found)
     published = json.loads(found.stdout)["published"]

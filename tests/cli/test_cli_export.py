@@ -128,7 +128,7 @@ def test_the_camera_that_is_read_is_not_written_over(run, scene):
     assert scene["lens"].read_bytes() == before
 
 
-def test_a_calibration_exported_as_json_loses_nothing(run, known, tmp_path):
+def test_a_calibration_exported_as_json_loses_nothing(run, known, tmp_path, plain_report):
     """Its covariance above all: without it, a reader would believe the camera exact."""
     assert run(*known, "--out", tmp_path / "out").exit_code == 0
     before, after = tmp_path / "out" / "camera.json", tmp_path / "new" / "deep" / "c.json"

@@ -52,7 +52,9 @@ def test_the_json_object_is_what_is_promised(run, network, pictures, camera):
     assert run("orientation", pictures / "0.jpg", "--json").exit_code == 0
 
 
-def test_the_folder_and_its_use_for_calibrate(run, network, pictures, known, camera, tmp_path):
+def test_the_folder_and_its_use_for_calibrate(
+    run, network, pictures, known, camera, tmp_path, plain_report
+):
     network(belief_of(camera))
     out = tmp_path / "deep" / "out"
     result = run("orientation", pictures, "--frames", 3, "--out", out)

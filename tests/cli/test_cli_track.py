@@ -6,7 +6,10 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from cli_scenes import mot_text, people
+from scene4d.cli.app import app
 from scene4d.evaluation import pets as pets_reference
 from scene4d.formats.annotations import read_annotations
 from scene4d.formats.cameras import write_camera
@@ -16,14 +19,18 @@ from scene4d.tracking._people import locate_people
 FRAMES = 15
 
 
-@pytest.fixture
-def tracked(run, scene, tmp_path) -> Path:
+@pytest.fixture(scope="module")
+def tracked(camera, tmp_path_factory) -> Path:
     """A scene of the boxes that the camera of these tests sees, without footage."""
-    out = tmp_path / "scene"
-    result = run(
-        "track", "--annotations", scene["boxes"], "--camera", scene["lens"], "--fps", 2,
-        "--out", out, "--name", "yard", "--start", "2026-11-20T08:00:00+01:00", "--json",
-    )  # fmt: skip
+    folder = tmp_path_factory.mktemp("tracked")
+    out, boxes, lens = folder / "scene", folder / "boxes.txt", folder / "lens.json"
+    boxes.write_text(mot_text(people(camera)))
+    camera.save(lens)
+    words = [
+        "track", "--annotations", boxes, "--camera", lens, "--fps", 2, "--out", out,
+        "--name", "yard", "--start", "2026-11-20T08:00:00+01:00", "--json",
+    ]  # fmt: skip
+    result = CliRunner().invoke(app, [str(word) for word in words])
     assert result.exit_code == 0, result.stderr
     told = json.loads(result.stdout)
     assert told["camera"] == "yard" and told["rows"] == len(Scene.open(out))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from made_tracks import made_tracks
 from scene4d.core.calibration import PARAMETERS, Calibration
 from scene4d.core.cuboids import centroids, cuboid_corners, cuboid_covariance, size_jacobian
 from scene4d.core.tracks import Tracks
@@ -15,28 +16,13 @@ AHEAD = CAMERA.R[2, :2] / np.hypot(*CAMERA.R[2, :2])
 def cars(n: int = 1, **changes) -> Tracks:
     """Cars of 4 x 2 x 1.5 m on a platform of 0.5 m, that face +Y."""
     values = {
-        "track": np.arange(n),
-        "class_name": np.full(n, "car"),
-        "time_s": np.zeros(n),
-        "frame": np.zeros(n, int),
+        "class_name": "car", "frame": 0, "covariance_m2": 0.04, "shared_covariance_m2": 0.05,
+        "velocity_mps": 0.0, "velocity_covariance": 1.0, "heading_rad": np.pi / 2,
+        "heading_sigma_rad": 0.1, "box_xyxy": 0.0, "z_m": 0.5, "z_sigma_m": 0.1,
+        "size_m": [4.0, 2.0, 1.5], "size_sigma_m": [0.3, 0.2, 0.12],
         "xy_m": np.tile([3.0, 10.0], (n, 1)),
-        "covariance_m2": np.tile(0.04 * np.eye(2), (n, 1, 1)),
-        "shared_covariance_m2": np.tile(0.05 * np.eye(2), (n, 1, 1)),
-        "velocity_mps": np.zeros((n, 2)),
-        "velocity_covariance": np.tile(np.eye(2), (n, 1, 1)),
-        "heading_rad": np.full(n, np.pi / 2),
-        "heading_sigma_rad": np.full(n, 0.1),
-        "box_xyxy": np.zeros((n, 4)),
-        "keypoint_uv": np.zeros((n, 0, 2)),
-        "keypoint_score": np.zeros((n, 0)),
-        "score": np.ones(n),
-        "observed": np.ones(n, bool),
-        "z_m": np.full(n, 0.5),
-        "z_sigma_m": np.full(n, 0.1),
-        "size_m": np.tile([4.0, 2.0, 1.5], (n, 1)),
-        "size_sigma_m": np.tile([0.3, 0.2, 0.12], (n, 1)),
-    }
-    return Tracks(**values | changes)
+    } | changes  # fmt: skip
+    return made_tracks(np.arange(n), np.zeros(n), **values)
 
 
 def test_corners_stand_around_the_centre():

@@ -5,6 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
+from made_tracks import made_tracks
 from scene4d.core.camera import Camera
 from scene4d.core.cuboids import cuboid_corners
 from scene4d.core.tracks import Tracks
@@ -19,28 +20,14 @@ GREY = np.full((480, 640, 3), 90, np.uint8)
 def moment() -> Tracks:
     """A car and somebody."""
     nan = np.nan
-    return Tracks(
-        track=np.array([1, 2]),
-        class_name=np.array(["car", "person"]),
-        time_s=np.zeros(2),
-        frame=np.zeros(2, int),
-        xy_m=np.array([[1.5, 14.0], [-2.0, 11.0]]),
-        covariance_m2=np.zeros((2, 2, 2)),
-        shared_covariance_m2=np.zeros((2, 2, 2)),
-        velocity_mps=np.zeros((2, 2)),
-        velocity_covariance=np.zeros((2, 2, 2)),
-        heading_rad=np.array([0.5, nan]),
-        heading_sigma_rad=np.array([0.1, nan]),
-        box_xyxy=np.zeros((2, 4)),
-        keypoint_uv=np.zeros((2, 0, 2)),
-        keypoint_score=np.zeros((2, 0)),
-        score=np.ones(2),
-        observed=np.ones(2, bool),
-        z_m=np.zeros(2),
-        z_sigma_m=np.zeros(2),
+    return made_tracks(
+        np.array([1, 2]), np.zeros(2), np.array([[1.5, 14.0], [-2.0, 11.0]]), frame=0,
+        class_name=np.array(["car", "person"]), covariance_m2=0.0, velocity_mps=0.0,
+        velocity_covariance=0.0, heading_rad=np.array([0.5, nan]),
+        heading_sigma_rad=np.array([0.1, nan]), box_xyxy=0.0, z_m=0.0, z_sigma_m=0.0,
         size_m=np.array([[4.5, 1.8, 1.5], [nan, nan, 1.75]]),
         size_sigma_m=np.array([[0.4, 0.1, 0.1], [nan, nan, 0.04]]),
-    )
+    )  # fmt: skip
 
 
 def coloured(tracks: Tracks) -> tuple[np.ndarray, float]:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from made_tracks import made_tracks
 from scene4d.core.errors import InputError
-from scene4d.core.tracks import Tracks
 from scene4d.evaluation.trials._baselines import (
     NOISE_SHARE,
     in_box_sizes,
@@ -24,26 +24,13 @@ def stage(feet: dict[int, np.ndarray], height: float = 50.0) -> Stage:
     n = len(uv)
     half = height / 5
     box = np.column_stack([uv[:, 0] - half, uv[:, 1] - height, uv[:, 0] + half, uv[:, 1]])
-    unit = np.broadcast_to(np.eye(2), (n, 2, 2)).copy()
     times = np.concatenate([np.arange(len(v)) * STEP for v in feet.values()])
-    tracks = Tracks(
-        track=np.repeat(list(feet), [len(v) for v in feet.values()]),
-        class_name=np.full(n, "person"),
-        time_s=times,
-        frame=np.round(times * 30).astype(int),
-        xy_m=np.full((n, 2), 7.0),
-        covariance_m2=unit,
-        shared_covariance_m2=unit,
-        velocity_mps=np.full((n, 2), 7.0),
-        velocity_covariance=unit,
-        heading_rad=np.full(n, 7.0),
-        heading_sigma_rad=np.full(n, 7.0),
-        box_xyxy=box,
-        keypoint_uv=np.zeros((n, 0, 2)),
-        keypoint_score=np.zeros((n, 0)),
-        score=np.ones(n),
-        observed=np.isfinite(box[:, 0]),
-    )
+    tracks = made_tracks(
+        np.repeat(list(feet), [len(v) for v in feet.values()]), times, np.full((n, 2), 7.0),
+        frame=np.round(times * 30).astype(int), covariance_m2=1.0, shared_covariance_m2=1.0,
+        velocity_mps=7.0, velocity_covariance=1.0, heading_rad=7.0, heading_sigma_rad=7.0,
+        box_xyxy=box, observed=np.isfinite(box[:, 0]),
+    )  # fmt: skip
     return Stage(tracks, (640, 480), STEP, camera_factor=lambda xy_m: np.zeros((len(xy_m), 2, 3)))
 
 

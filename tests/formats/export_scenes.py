@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from made_tracks import made_tracks
 from scene4d.core.tracks import Tracks
 from scene4d.formats.scenes import GeoAnchor, SceneTable, write_scene
 
@@ -34,22 +35,12 @@ def tracks_of(track, frame, *, fps: float = 30.0, class_name="person", xy=None, 
     n = len(track)
     corner = np.column_stack([100.0 + 10 * track + frame, 50.0 + frame])
     values = {
-        "class_name": np.broadcast_to(np.asarray(class_name, str), n).copy(),
-        "time_s": frame / fps,
-        "xy_m": np.full((n, 2), np.nan) if xy is None else np.asarray(xy, float).reshape(n, 2),
-        "covariance_m2": np.full((n, 2, 2), np.nan),
-        "shared_covariance_m2": np.full((n, 2, 2), np.nan),
-        "velocity_mps": np.full((n, 2), np.nan),
-        "velocity_covariance": np.full((n, 2, 2), np.nan),
-        "heading_rad": np.full(n, np.nan),
-        "heading_sigma_rad": np.full(n, np.nan),
+        "covariance_m2": np.nan, "shared_covariance_m2": np.nan, "velocity_covariance": np.nan,
         "box_xyxy": np.hstack([corner, corner + np.array([20.25, 60.5])]),
-        "keypoint_uv": np.empty((n, 0, 2)),
-        "keypoint_score": np.empty((n, 0)),
-        "score": np.ones(n),
-        "observed": np.ones(n, bool),
-    }
-    return Tracks(track=track, frame=frame, **(values | columns))
+        "heading_rad": np.nan, "frame": frame, "class_name": class_name,
+    } | columns  # fmt: skip
+    xy = np.full((n, 2), np.nan) if xy is None else np.asarray(xy, float).reshape(n, 2)
+    return made_tracks(track, frame / fps, xy, **values)
 
 
 def walker() -> Tracks:

@@ -124,7 +124,7 @@ def test_hopeless_pictures_get_a_wide_answer(reader, panoramas):
     for name, picture in hopeless(panoramas):
         tilt, vfov = widths(picture)
         assert tilt > 40 and vfov > 15, name
-    sides = np.array([widths(case.picture_bgr) for case in turned(panoramas, 77, each=1)])
+    sides = np.array([widths(case.picture_bgr) for case in turned(panoramas[::2], 77, each=1)])
     assert (sides > [15, 25]).all(axis=1).mean() > 0.8
 
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from made_tracks import made_tracks
 from scene4d.core.calibration import Calibration
 from scene4d.core.tracks import Tracks
 from scene4d.searching.activities.definition import Activity, Phase, Role, Term
@@ -28,26 +29,10 @@ def tracks_at(frames: dict[int, list[int]], fps: float = 30.0) -> Tracks:
     """Objects that stand where their number is, seen in these frames."""
     track = np.repeat(list(frames), [len(v) for v in frames.values()])
     frame = np.concatenate([np.array(v, int) for v in frames.values()])
-    n = len(track)
-    unit = np.broadcast_to(np.eye(2), (n, 2, 2)).copy()
-    return Tracks(
-        track=track,
-        class_name=np.full(n, "person"),
-        time_s=frame / fps,
-        frame=frame,
-        xy_m=np.column_stack([track, 10.0 + track]).astype(float),
-        covariance_m2=0.01 * unit,
-        shared_covariance_m2=0 * unit,
-        velocity_mps=np.zeros((n, 2)),
-        velocity_covariance=0.01 * unit,
-        heading_rad=np.zeros(n),
-        heading_sigma_rad=np.ones(n),
-        box_xyxy=np.tile([10.0, 10, 20, 40], (n, 1)),
-        keypoint_uv=np.zeros((n, 0, 2)),
-        keypoint_score=np.zeros((n, 0)),
-        score=np.ones(n),
-        observed=np.ones(n, bool),
-    )
+    return made_tracks(
+        track, frame / fps, np.column_stack([track, 10.0 + track]).astype(float), frame=frame,
+        velocity_mps=0.0, heading_sigma_rad=1.0, box_xyxy=[10.0, 10, 20, 40],
+    )  # fmt: skip
 
 
 def test_every_second_moment_is_kept_of_ten_a_second():

@@ -1,10 +1,9 @@
 """Searches that stand: what they look at where frames were dropped."""
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 
+from made_tracks import made_tracks
 from scene4d.core.tracks import Tracks
 from scene4d.searching._asking import SearchOptions, words_of
 from scene4d.searching.activities._events import Event
@@ -16,22 +15,9 @@ RUN = Run("r", "gate", 0, False, 0, 0, 0, {}, (), "scene4d", {})
 
 
 def walk(times: np.ndarray, track: np.ndarray) -> Tracks:
-    n = len(times)
-    filled = {
-        "class_name": np.full(n, "person"),
-        "frame": np.rint(times * 10).astype(int),
-        "xy_m": np.column_stack([times, 2 * times]),
-        "box_xyxy": np.zeros((n, 4)),
-        "colours": np.zeros((n, 0)),
-        "keypoint_uv": np.zeros((n, 0, 2)),
-        "keypoint_score": np.zeros((n, 0)),
-        "observed": np.ones(n, bool),
-    } | {"track": track, "time_s": times}
-    shapes = dict.fromkeys(("covariance_m2", "shared_covariance_m2"), (n, 2, 2))
-    shapes |= {"velocity_covariance": (n, 2, 2), "velocity_mps": (n, 2)}
-    shapes |= dict.fromkeys(("size_m", "size_sigma_m"), (n, 3))
-    values = {f.name: np.zeros(shapes.get(f.name, n)) for f in fields(Tracks)}
-    return Tracks(**values | filled)
+    return made_tracks(
+        track, times, np.column_stack([times, 2 * times]), frame=np.rint(times * 10).astype(int)
+    )
 
 
 def event(begin_s, end_s, person=1):

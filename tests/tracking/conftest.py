@@ -71,6 +71,19 @@ def play_endless(live: LiveSource, source) -> None:
 
 
 @pytest.fixture
+def drawn() -> None:
+    """For tests of the pictures of a scene."""
+
+
+@pytest.fixture(autouse=True)
+def plain_scene(request, monkeypatch) -> None:
+    """Scenes without pictures, which take half of the time, where they are not the matter."""
+    if "drawn" not in request.fixturenames:
+        for name in ("_drawn", "_drawn_objects"):
+            monkeypatch.setattr(f"scene4d.tracking._running.{name}", lambda *_: None)
+
+
+@pytest.fixture
 def paced(monkeypatch):
     monkeypatch.setattr(LiveSource, "_play", play_paced)
 

@@ -49,7 +49,7 @@ def crossing(t):
 
 def test_walkers_who_meet_keep_their_numbers():
     rng = np.random.default_rng(0)
-    for _ in range(8):
+    for _ in range(5):
         labels = follow((t, frame_of(noisy(rng, crossing(t)))) for t in np.arange(0, 16, 0.1))
         assert np.unique(labels, axis=0).tolist() == [[0, 1]]
 

@@ -74,7 +74,7 @@ def test_the_rate_thins_annotated_frames(tmp_path, camera):
     assert len(np.unique(tracked(tmp_path / "scene").time_s)) == 2 * SECONDS
 
 
-def test_a_video_becomes_a_scene_with_a_parked_car(tmp_path, camera, detector):
+def test_a_video_becomes_a_scene_with_a_parked_car(tmp_path, camera, detector, drawn):
     used = detector()
     video = write_video(tmp_path / "yard.avi")
     run = track(video, camera, tmp_path / "scene")
@@ -188,17 +188,17 @@ def test_what_stands_before_a_car_hides_its_wheels():
     assert not bottoms_hidden(apart).any(), "other frames hide nothing"
 
 
-def test_the_picture_of_a_long_run_stays_small(tmp_path, camera, monkeypatch):
+def test_the_picture_of_a_long_run_stays_small(tmp_path, camera, monkeypatch, drawn):
     monkeypatch.setattr(running, "_MOST_DRAWN", 60)
     boxes = tmp_path / "boxes.txt"
     boxes.write_text(mot_text(tracks=True))
     options = TrackOptions(annotations=boxes, fps=float(FPS))
-    drawn = []
+    shown = []
     draw = running._drawn
     monkeypatch.setattr(
-        running, "_drawn", lambda job, paths: drawn.append(paths) or draw(job, paths)
+        running, "_drawn", lambda job, paths: shown.append(paths) or draw(job, paths)
     )
     run = track(None, camera, tmp_path / "scene", options)
     assert run.picture.stat().st_size > 10_000
     assert run.objects_picture is None, "there is no footage"
-    assert 20 < sum(len(xy) for _, xy in drawn[0].values()) <= 62 < run.rows
+    assert 20 < sum(len(xy) for _, xy in shown[0].values()) <= 62 < run.rows

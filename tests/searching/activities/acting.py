@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from made_tracks import made_tracks
 from scene4d.core.tracks import Tracks
 from scene4d.searching.predicates._registry import PREDICATES, Parameter, Predicate
 from scene4d.searching.predicates.stage import Stage
@@ -31,26 +32,14 @@ def track(
     time_s = begin_s + step_s * np.arange(n)
     # Ten pixels a metre about the middle of the picture.
     middle = np.array([960.0, 540.0]) + 10 * xy * [1, -1]
-    return Tracks(
-        track=np.full(n, number),
-        class_name=np.full(n, kind),
-        time_s=time_s,
-        frame=np.rint(time_s * 30).astype(int),
-        xy_m=xy,
-        covariance_m2=np.tile(np.eye(2) * sigma_m**2, (n, 1, 1)),
-        shared_covariance_m2=np.zeros((n, 2, 2)),
-        velocity_mps=velocity,
-        velocity_covariance=np.tile(np.eye(2) * 0.05**2, (n, 1, 1)),
-        heading_rad=np.arctan2(velocity[:, 1], velocity[:, 0]),
-        heading_sigma_rad=np.full(n, 0.2),
-        box_xyxy=np.hstack([middle - np.array([4, 17]), middle + np.array([4, 0])])
-        if box is None
-        else box,
-        keypoint_uv=np.zeros((n, 0, 2)),
-        keypoint_score=np.zeros((n, 0)),
-        score=np.ones(n) if lit is None else np.asarray(lit, float),
-        observed=np.ones(n, bool),
-    )
+    if box is None:
+        box = np.hstack([middle - np.array([4, 17]), middle + np.array([4, 0])])
+    return made_tracks(
+        number, time_s, xy, class_name=kind, frame=np.rint(time_s * 30).astype(int),
+        covariance_m2=sigma_m**2, velocity_mps=velocity, velocity_covariance=0.05**2,
+        heading_sigma_rad=0.2, box_xyxy=box,
+        score=1.0 if lit is None else np.asarray(lit, float),
+    )  # fmt: skip
 
 
 def stage(*tracks: Tracks, step_s: float = STEP_S, **places) -> Stage:
