@@ -81,7 +81,8 @@ def _show(found: "FleetRun", warnings: list[str]) -> None:
         table.add_row(name, one["state"], *map(str, counts), str(aside), *hours)
     with screen() as console:
         console.print(table)
-        console.print()
+        if warnings:
+            console.print()
         print_warnings(console, warnings)
         for one in found.quarantine[:_MOST_LINES]:
             clip = f" {one['clip']}" if one["clip"] else ""
