@@ -161,7 +161,8 @@ def test_in_ci_a_skipped_test_is_a_failure(tmp_path, ci, code, outcome):
     found = subprocess.run(
         [sys.executable, "-m", "pytest", "--continue-on-collection-errors"],
         cwd=tmp_path,
-        env=os.environ | {"CI": ci, "PYTEST_ADDOPTS": "", "PYTHONPATH": str(ROOT / "tests")},
+        env=os.environ
+        | {"CI": ci, "PYTEST_ADDOPTS": "", "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests'}"},
         capture_output=True,
         text=True,
         check=False,
