@@ -1,7 +1,7 @@
 """The frame of a site tied to what is known: points of Earth or plan, lines of a map, cameras."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from scene4d.alignment._lines import SCALE_SIGMA, on_lines
 from scene4d.core.calibration import Calibration
+from scene4d.core.columns import Columns
 from scene4d.core.errors import InputError
 from scene4d.core.geometry import rigid_fit
 from scene4d.core.placement import Placement
@@ -43,15 +44,12 @@ class Anchored:
 
 
 @dataclass(frozen=True, eq=False)
-class _Points:
+class _Points(Columns):
     """Ground points as the site has them, with covariances, and where they really are."""
 
     xy_m: Float[np.ndarray, "n 2"]
     covariance: Float[np.ndarray, "n 2 2"]
     true_m: Float[np.ndarray, "n 2"]
-
-    def __len__(self) -> int:
-        return len(self.xy_m)
 
 
 def tied(
@@ -96,7 +94,8 @@ def _by_points(
     _check_names(cameras, anchors)
     points = {name: _points_of(name, one, anchors) for name, one in cameras.items()}
     placed = [name for name, one in cameras.items() if one.placement]
-    together = _joined([_in_site(points[name], cameras[name].placement) for name in placed])
+    seen = [_in_site(points[name], cameras[name].placement) for name in placed]
+    together = _Points.joined(seen) if seen else _NOBODY
     frame, residuals = None, list[float]()
     if placed and _spread(together) >= _LEAST_SPREAD_M:
         frame, residuals = _fit(together, _SIGMA_M[anchors.kind])
@@ -135,8 +134,11 @@ def _kept_to(
         one = replace(cameras[name], placement=Placement.identity())
         alone = SiteErrors.alone(name, one.placement, one.calibration)
         place = on_lines([tracks], [_modes(tracks, name, one, alone)], anchors.lines)
-        before = cameras[name].placement
-        own[name] = _by_clock(place, one) if place else _beside(before, place)
+        if place:
+            own[name] = _by_clock(place, one)
+        else:
+            why = f"{cameras[name].placement.reason}; and by the map, {place.reason}"
+            own[name] = Placement.undetermined(why)
     return frame, own
 
 
@@ -145,11 +147,6 @@ def _modes(
 ) -> Float[np.ndarray, "n 2 r"]:
     """How the site's errors move a camera's tracks there."""
     return np.nan_to_num(errors.modes_m(name, one.placement, one.calibration, tracks.xy_m))
-
-
-def _beside(placement: Placement, lines: Placement) -> Placement:
-    """Without a place, and why neither people in common nor the lines tell it."""
-    return Placement.undetermined(f"{placement.reason}; and by the map, {lines.reason}")
 
 
 def _check_names(cameras: Mapping[str, Anchored], anchors: Anchors) -> None:
@@ -192,11 +189,6 @@ def _in_site(points: _Points, placement: Placement) -> _Points:
     covariance = placement.own_covariances(points.covariance)
     covariance = covariance + placement.point_covariances(points.xy_m)
     return _Points(placement.points(points.xy_m), covariance, points.true_m)
-
-
-def _joined(parts: Sequence[_Points]) -> _Points:
-    columns = zip(*((one.xy_m, one.covariance, one.true_m) for one in parts), strict=True)
-    return _Points(*(np.concatenate(column) for column in columns)) if parts else _NOBODY
 
 
 _NOBODY = _Points(np.empty((0, 2)), np.empty((0, 2, 2)), np.empty((0, 2)))

@@ -70,9 +70,7 @@ def hypotheses(a: Paths, b: Paths, offsets_s: tuple[float, float]) -> Hypotheses
     """The alignments for which most votes were cast, best first."""
     pivot = complex(*b.xy_m.mean(axis=0)) if len(b) else 0j
     ballots = [_ballots(a, b, length, offsets_s, pivot) for length in _LENGTHS]
-    vote = np.concatenate([ballot[0] for ballot in ballots])
-    who = np.concatenate([ballot[1] for ballot in ballots])
-    weight = np.concatenate([ballot[2] for ballot in ballots])
+    vote, who, weight = (np.concatenate(column) for column in zip(*ballots, strict=True))
     return _counted(vote, who, weight, pivot)
 
 

@@ -17,6 +17,7 @@ from scipy.ndimage import distance_transform_edt, maximum_filter
 from scipy.spatial import cKDTree
 
 from scene4d.alignment._score import Fit, different
+from scene4d.core.columns import Columns
 from scene4d.core.placement import Placement
 from scene4d.core.tracks import VEHICLES, Tracks
 from scene4d.formats.anchors import MapLine
@@ -57,7 +58,7 @@ _MOST_SIGMA_M, _MOST_SIGMA_RAD = 4.0, np.radians(10.0)
 
 
 @dataclass(frozen=True, eq=False)
-class _Ways:
+class _Ways(Columns):
     """Places along tracks, a metre apart, by track: where, which way, whose, and how the cameras'
     common errors move them (``modes_m``: columns of one standard deviation each).
     """
@@ -67,10 +68,6 @@ class _Ways:
     track: Int[np.ndarray, "n"]
     kind: Int[np.ndarray, "n"]
     modes_m: Float[np.ndarray, "n 2 r"]
-
-    def select(self, rows: np.ndarray) -> "_Ways":
-        parts = (self.xy_m, self.ahead, self.track, self.kind, self.modes_m)
-        return _Ways(*(part[rows] for part in parts))
 
 
 def on_lines(
@@ -116,14 +113,10 @@ def _ways(tracks: Sequence[Tracks], modes_m: Sequence[np.ndarray]) -> _Ways:
             number += 1
     parts.sort(key=lambda one: -len(one.xy_m))
     most = int(np.searchsorted(np.cumsum([len(one.xy_m) for one in parts]), _MOST_WAY)) + 1
-    columns = zip(
-        *((one.xy_m, one.ahead, one.track, one.kind, one.modes_m) for one in parts[:most]),
-        strict=True,
-    )
     if not parts:
         nobody = np.zeros(0, int)
         return _Ways(np.zeros((0, 2)), np.zeros((0, 2)), nobody, nobody, np.zeros((0, 2, 0)))
-    return _Ways(*(np.concatenate(column) for column in columns))
+    return _Ways.joined(parts[:most])
 
 
 def _metre_by_metre(xy: np.ndarray) -> list[int]:

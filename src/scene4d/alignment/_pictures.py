@@ -45,7 +45,7 @@ def site_pictures(
     ways = ways_of(fused(list(seen.values()), TICK_S), identities.cameras_each())
     pictures = {PLAN: draw_site_map(cameras, covariances, ways, lines=lines).png}
     step(1)
-    moments = {name: _at_moments(tracks) for name, tracks in seen.items()}
+    moments = {name: fused([tracks], TICK_S) for name, tracks in seen.items()}
     pairs = {(a, b): _matched(cameras[a], moments[a], moments[b]) for a, b in permutations(seen, 2)}
     told = sorted(pairs, key=lambda pair: -len(pairs[pair].own_uv))[:_MOST_PAIRS]
     frames: dict[str, np.ndarray | None] = {}
@@ -58,10 +58,6 @@ def site_pictures(
         name = file_name(f"{b} in {a}", "picture").replace("%20", " ")
         pictures[f"pairs/{name}.png"] = picture.png
     return pictures
-
-
-def _at_moments(tracks: Tracks) -> Tracks:
-    return fused([tracks], TICK_S)
 
 
 def _matched(camera: Camera, own: Tracks, other: Tracks) -> Matched:

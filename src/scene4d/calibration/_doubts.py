@@ -53,7 +53,8 @@ def doubts(case: Case, problem: Problem, state: State, people: int, agreeing: fl
             "in which people walk nearer and farther on flat ground"
         )
     where = _where(case, np.arange(len(problem.track)))
-    if people >= _MANY and _share_of_picture(case, where) < _SCREEN_AREA:
+    share = np.prod((where[1] - where[0]) / case.frame.image_size)
+    if people >= _MANY and share < _SCREEN_AREA:
         return _in_one_part(case, where)
     return Doubts()
 
@@ -92,10 +93,6 @@ def _where(case: Case, rows: np.ndarray) -> Float[np.ndarray, "2 2"]:
     """Corners of the part of the footage (px) in which the usable people ``rows`` are."""
     seen = case.segments.select(case.usable).select(rows)
     return np.quantile(np.concatenate([seen.foot_uv, seen.head_uv]), _RIMS, axis=0)
-
-
-def _share_of_picture(case: Case, where: np.ndarray) -> float:
-    return float(np.prod((where[1] - where[0]) / case.frame.image_size))
 
 
 def _words(where: np.ndarray) -> str:

@@ -12,8 +12,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from scene4d.calibration._mixture import SHORT_RANGE, TURN_RANGE
-from scene4d.calibration._problem import Problem, State, spreads
+from scene4d.calibration._problem import SHORT_RANGE, TURN_RANGE, Problem, State, spreads
 from scene4d.calibration._refine import descend, linearise, updated_noise
 
 _FOLDS = 5

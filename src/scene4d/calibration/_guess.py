@@ -142,13 +142,7 @@ def as_guess(stated: Orientation) -> Orientation | None:
     0.8 of the standard deviations. Widened by half, the reading of a focal length where the horizon
     is known would be worth 0.24 nats less there.
     """
-    spread = np.array(
-        [
-            stated.focal_sigma_px / stated.focal_px,
-            TILT_WIDENING * stated.tilt_sigma_rad,
-            stated.roll_sigma_rad,
-        ]
-    )
+    spread = np.array(stated.spread) * (1.0, TILT_WIDENING, 1.0)
     spread[spread >= default_prior().sigma[:3]] = np.inf
     if np.isinf(spread).all():
         return None

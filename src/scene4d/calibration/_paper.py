@@ -82,18 +82,14 @@ def _few_inliers(inlier: np.ndarray) -> tuple[str, ...]:
 
 def _given_sigmas(given: Orientation) -> np.ndarray:
     """Spread of log f, tilt and roll (3,); raises where one of them is said to be unknown."""
-    spread = {
-        "focal_px": given.focal_sigma_px / given.focal_px,
-        "tilt_deg": given.tilt_sigma_rad,
-        "roll_deg": given.roll_sigma_rad,
-    }
-    for name, sigma in spread.items():
+    names = "focal_px", "tilt_deg", "roll_deg"
+    for name, sigma in zip(names, given.spread, strict=True):
         if not np.isfinite(sigma):
             raise InputError(
                 f"orientation: {name} is unknown (infinite sigma), and the paper's method "
                 'estimates the height alone: give a finite sigma, or use method "joint"'
             )
-    return np.array(list(spread.values()))
+    return np.array(given.spread)
 
 
 def _people_variance(case: Case, own_height_m: np.ndarray, inlier: np.ndarray) -> float:

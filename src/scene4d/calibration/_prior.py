@@ -93,18 +93,13 @@ class Prior:
     def with_orientation(self, orientation: Orientation, half_diagonal_px: float) -> "Prior":
         """Replace the beliefs about f, tilt and roll; infinite spreads leave them as they are."""
         mean, sigma = self.mean.copy(), self.sigma.copy()
-        told = {
-            FOCAL: (
-                np.log(orientation.focal_px / half_diagonal_px),
-                orientation.focal_sigma_px / orientation.focal_px,
-            ),
-            TILT: (orientation.tilt_rad, orientation.tilt_sigma_rad),
-            ROLL: (orientation.roll_rad, orientation.roll_sigma_rad),
-        }
-        for index, (value, spread) in told.items():
+        log_focal = np.log(orientation.focal_px / half_diagonal_px)
+        told = log_focal, orientation.tilt_rad, orientation.roll_rad
+        columns, known = (FOCAL, TILT, ROLL), np.isfinite(orientation.spread)
+        for index, value, spread in zip(columns, told, orientation.spread, strict=True):
             if np.isfinite(spread):
                 mean[index], sigma[index] = value, spread
-        both = np.isfinite([orientation.focal_sigma_px, orientation.tilt_sigma_rad]).all()
+        both = known[0] and known[1]
         correlation = orientation.focal_tilt_correlation if both else 0.0
         return replace(self, mean=mean, sigma=sigma, focal_tilt_correlation=correlation)
 

@@ -27,7 +27,6 @@ from scene4d.calibration._body import N_PARAMETERS, Prediction, predict_heads
 from scene4d.calibration._drift import N_DRIFTS, Drifted
 from scene4d.calibration._lines import LineTerms, line_terms
 from scene4d.calibration._lower_edge import LowerEdge, lowered
-from scene4d.calibration._mixture import mixture
 from scene4d.calibration._problem import (
     AZIMUTH,
     DRIFTS,
@@ -37,6 +36,7 @@ from scene4d.calibration._problem import (
     Problem,
     State,
     TermValue,
+    mixture,
     spreads,
 )
 
@@ -280,15 +280,14 @@ def _damped_step(system: NormalEquations, free: np.ndarray, damping: float) -> n
     return step / max(1.0, float((np.abs(step) / _LARGEST_STEP).max()))
 
 
-def updated_noise(problem: Problem, state: State, lin: Linearisation | None = None) -> Noise:
+def updated_noise(problem: Problem, state: State, lin: Linearisation) -> Noise:
     """Noise, height spread and shares that the residuals support, each with a weak prior.
 
     A step of expectation-maximisation: a height that is only partly known hides part of the
     residual, which its posterior variance puts back. People seen once tell the sum of noise and
     height spread alone; it is split in the proportion believed so far. ``lin`` is the
-    linearisation at ``state`` where it is at hand.
+    linearisation at ``state``.
     """
-    lin = linearise(problem, state) if lin is None else lin
     system = normal_equations(problem, state, lin)
     noise, box, lone = state.noise, problem.points.from_box, problem.lone
     hidden = np.zeros(len(problem.track))

@@ -146,12 +146,7 @@ class CalibrateOptions:
         image size.
         """
         lens, orientation, landmarks = self.lens, self.orientation, self.landmarks
-        if isinstance(lens, Lens):
-            lens = lens.scaled_to(image_size)
-        elif lens is not None:
-            from scene4d.formats.cameras import read_lens
-
-            lens = read_lens(lens, image_size=image_size)
+        lens = lens_for(lens, image_size)
         if lens is not None and lens.is_fisheye and self.estimate_focal:
             raise InputError(
                 "estimate_focal: which way a pixel of a fisheye lens looks depends on its focal "
@@ -163,6 +158,15 @@ class CalibrateOptions:
         if landmarks is not None:
             landmarks = _landmarks(landmarks, image_size)
         return replace(self, lens=lens, orientation=orientation, landmarks=landmarks)
+
+
+def lens_for(given: str | Path | Lens | None, image_size: tuple[int, int]) -> Lens | None:
+    """The lens that is given, or that its file holds, for pictures of this size."""
+    if given is None or isinstance(given, Lens):
+        return given and given.scaled_to(image_size)
+    from scene4d.formats.cameras import read_lens
+
+    return read_lens(given, image_size=image_size)
 
 
 def _landmarks(given: str | Path | Landmarks, image_size: tuple[int, int]) -> Landmarks:

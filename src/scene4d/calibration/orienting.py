@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Int, UInt8
 
+from scene4d.calibration.options import lens_for
 from scene4d.core.camera import Camera, Lens
 from scene4d.core.errors import InputError
 from scene4d.core.orientation import Orientation
@@ -69,7 +70,7 @@ class OrientationReading:
 
         roll, tilt, vfov = modal([belief for _, belief in self.by_frame])
         focal = self._focal_px(float(vfov))
-        relative = self.orientation.focal_sigma_px / self.orientation.focal_px
+        relative = self.orientation.spread[0]
         mode = replace(
             self.orientation,
             focal_px=focal,
@@ -147,7 +148,6 @@ class OrientationReading:
         """
         told = self.orientation
         vfov = self._vfov_deg(told.focal_px)
-        relative = told.focal_sigma_px / told.focal_px
         return {
             "focal_px": told.focal_px,
             "tilt_deg": float(np.degrees(told.tilt_rad)),
@@ -158,7 +158,7 @@ class OrientationReading:
                 "tilt_deg": float(np.degrees(told.tilt_sigma_rad)),
                 "roll_deg": float(np.degrees(told.roll_sigma_rad)),
                 # d vfov / d log f of vfov = 2 atan(h / 2 f)
-                "vfov_deg": float(np.degrees(np.sin(np.radians(vfov)) * relative)),
+                "vfov_deg": float(np.degrees(np.sin(np.radians(vfov)) * told.spread[0])),
             },
             "frames": self.frames,
         }
@@ -290,7 +290,7 @@ def read_orientation(
         raise InputError(f"frames must lie in 1 to {MOST_FRAMES}, found {frames}")
     progress = progress or Silent()
     with open_source(source) as footage:
-        known = _lens(lens, footage.image_size)
+        known = lens_for(lens, footage.image_size)
         reader = OrientationReader(footage.image_size, known, focal_known=focal_known)
         monitor = MotionMonitor(footage.image_size)
         before, quiet = None, 0
@@ -334,17 +334,7 @@ def settled(before: "Belief", now: "Belief", image_size: tuple[int, int]) -> boo
 
 def _values(belief: "Belief", image_size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
     told = belief.orientation(image_size)
-    values = np.array([np.log(told.focal_px), told.tilt_rad, told.roll_rad])
-    relative = told.focal_sigma_px / told.focal_px
-    return values, np.array([relative, told.tilt_sigma_rad, told.roll_sigma_rad])
-
-
-def _lens(given: str | Path | Lens | None, image_size: tuple[int, int]) -> Lens | None:
-    if given is None or isinstance(given, Lens):
-        return given if given is None else given.scaled_to(image_size)
-    from scene4d.formats.cameras import read_lens
-
-    return read_lens(given, image_size=image_size)
+    return np.array([np.log(told.focal_px), told.tilt_rad, told.roll_rad]), np.array(told.spread)
 
 
 def _rounds(footage: "Source", frames: int | None) -> "Iterator[Iterator[Frame]]":

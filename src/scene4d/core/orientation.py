@@ -56,6 +56,11 @@ class Orientation:
                 f"{self.focal_tilt_correlation}"
             )
 
+    @property
+    def spread(self) -> tuple[float, float, float]:
+        """Standard deviations of log focal length, tilt and roll (radians)."""
+        return self.focal_sigma_px / self.focal_px, self.tilt_sigma_rad, self.roll_sigma_rad
+
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "Orientation":
         """Read ``{"focal_px", "tilt_deg", "roll_deg", "sigma": {...}}``; sigma is optional.
