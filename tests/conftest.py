@@ -23,7 +23,7 @@ type_checks.install()
 # A busy machine is no failure, and CI judges a change, not its luck: the same examples each time.
 settings.register_profile("here", deadline=None)
 # They are fewer than the hundred fresh ones that each run elsewhere draws: five minutes are few.
-settings.register_profile("ci", deadline=None, derandomize=True, max_examples=25)
+settings.register_profile("ci", deadline=None, derandomize=True, max_examples=50)
 
 IN_CI = os.environ.get("CI", "").lower() not in {"", "0", "false"}
 settings.load_profile("ci" if IN_CI else "here")

@@ -43,7 +43,7 @@ def upright_people(camera: Camera, rng: np.random.Generator, n: int) -> tuple:
     return xyz[:, :2], rng.uniform(1.0, 2.0, n)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(cameras(), SEED)
 def test_the_head_stands_over_the_foot(camera, seed):
     xy, height = upright_people(camera, np.random.default_rng(seed), 20)
@@ -57,7 +57,7 @@ def test_the_head_stands_over_the_foot(camera, seed):
     np.testing.assert_allclose(found.head[:, ok], points.head[:, ok], rtol=0, atol=1e-8)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(cameras(), SEED)
 def test_derivatives_agree_with_central_differences(camera, seed):
     rng = np.random.default_rng(seed)

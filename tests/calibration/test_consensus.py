@@ -87,7 +87,7 @@ def test_exact_is_never_worse_than_ransac_on_any_intervals(intervals, seed):
     assert found.sum() <= exact_consensus(intervals).sum()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(cameras_over_people(), st.integers(1, 40), st.floats(0.0, 0.6), st.floats(2.0, 12.0), SEED)
 def test_exact_is_never_worse_than_ransac_on_people(camera, n, outliers, tolerance, seed):
     rng = np.random.default_rng(seed)

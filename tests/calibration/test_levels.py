@@ -65,7 +65,7 @@ def solved(segments: Segments) -> Calibration:
 
 
 @given(z=st.floats(-2.0, 2.0), height=st.floats(3.0, 12.0))
-@settings(max_examples=25)
+@settings(max_examples=30)
 def test_a_raised_person_is_seen_as_by_a_lower_camera(z, height):
     """The model of a level against the same model of another camera, boxes included."""
     parameters = np.array([0.7, 0.4, 0.03, np.log(height), -0.02, 0.01, 0.0])

@@ -67,7 +67,7 @@ def test_the_printed_system_leaves_the_height_free_and_the_shared_one_does_not(c
     assert (values > 1e-12 * values[0]).sum() == 2 * n + 1
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(cameras_over_people(), st.integers(1, 12), st.floats(0.0, 3.0), SEED)
 def test_elimination_gives_the_dense_least_squares(camera, n, px, seed):
     foot, head, _ = crowd(camera, n, np.random.default_rng(seed), px=px)
@@ -87,7 +87,7 @@ def test_elimination_gives_the_dense_least_squares(camera, n, px, seed):
     assert system.information.sum() == pytest.approx(left @ left, rel=1e-6)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(cameras_over_people(), st.integers(1, 20), SEED)
 def test_people_without_noise_give_the_height_exactly(camera, n, seed):
     foot, head, xy = crowd(camera, n, np.random.default_rng(seed))

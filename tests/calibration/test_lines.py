@@ -81,7 +81,7 @@ def cameras() -> st.SearchStrategy[Camera]:
     )
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(cameras(), st.floats(0.0, 1.5), SEED)
 def test_derivatives_agree_with_central_differences(camera, azimuth, seed):
     rng = np.random.default_rng(seed)

@@ -215,7 +215,7 @@ def test_no_lens_serves_an_empty_image(size):
 # camera.json
 
 
-@settings(max_examples=25)
+@settings(max_examples=30)
 @given(camera=cameras(anywhere=True))
 def test_file_round_trip_is_exact(tmp_path_factory, camera):
     path = tmp_path_factory.mktemp("camera") / "camera.json"

@@ -55,7 +55,7 @@ def frame_pixels(camera: Camera, xyz: np.ndarray) -> np.ndarray:
     return uv.reshape(-1, 2)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(POSES, st.floats(-10, 10), st.floats(1, 40), st.floats(0.5, 2.2))
 def test_uprights_stand_where_opencv_projects_them(pose, x, y, height_m):
     camera = built(pose)
@@ -73,7 +73,7 @@ def test_an_upright_in_the_middle_of_the_frame_is_seen_whole():
     assert curve[0, 1] > curve[-1, 1] + 40
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(POSES)
 def test_the_horizon_is_the_image_of_far_points_at_camera_height(pose):
     camera = built(pose)
@@ -149,7 +149,7 @@ def test_the_horizon_band_is_the_spread_of_sampled_horizons():
     assert upper[0, 1] < at[1] < lower[0, 1]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(POSES)
 def test_vertical_ticks_run_along_plumb_lines(pose):
     camera = built(pose)
@@ -171,7 +171,7 @@ def test_the_nadir_is_marked_only_where_the_frame_shows_it():
     np.testing.assert_allclose(scenery.nadir_pixel(down), expected, atol=1e-6)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(POSES)
 def test_grid_lines_lie_on_their_ground_lines(pose):
     camera = built(pose)

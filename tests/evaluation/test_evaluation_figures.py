@@ -183,7 +183,7 @@ def test_an_auc_that_is_not_one_is_not_shown_as_one():
     assert auc_text(0.98765) == "0.9877"
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 12))
 def test_labels_hide_neither_points_nor_one_another(seed, count):
     rng = np.random.default_rng(seed)

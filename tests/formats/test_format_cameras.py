@@ -57,7 +57,7 @@ def random_camera(n):
 
 
 @pytest.mark.parametrize("name", WRITABLE)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(numbers=NUMBERS)
 def test_what_is_written_reads_back(tmp_path_factory, name, numbers):
     camera = random_camera(numbers)

@@ -34,7 +34,7 @@ def apart_m(lonlat_a, lonlat_b):
 latitudes, longitudes = st.floats(-85, 85), st.floats(-180, 180)
 
 
-@settings(max_examples=25)
+@settings(max_examples=60)
 @example(-16.8, 180.0, 0.0, 100.0, 0.0)  # Fiji, on both sides of the 180th meridian
 @example(-16.8, -180.0, 0.0, 100.0, 0.0)
 @given(latitudes, longitudes, st.floats(-180, 180), st.floats(-300, 300), st.floats(-300, 300))
@@ -47,7 +47,7 @@ def test_points_lie_where_geodesics_say(lat, lon, azimuth, x, y):
     assert apart_m(anchor.to_lonlat(point), expected)[0] < 2e-3
 
 
-@settings(max_examples=25)
+@settings(max_examples=60)
 @given(latitudes, longitudes, st.floats(-np.pi, np.pi), st.floats(0, 360), st.floats(1, 300))
 def test_distances_and_bearings_agree_with_geodesics(lat, lon, rotation, bearing, distance):
     """From the projection's centre, where north is true north."""

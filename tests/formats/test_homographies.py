@@ -80,7 +80,7 @@ def test_the_official_layout(tmp_path):
     np.testing.assert_allclose(found.locate(FEET)[0], CAMERA.locate(FEET)[0], atol=2e-4)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     camera=cameras(lenses(distorted=False, square=True), anywhere=True),
     factor=st.floats(1e-4, 1e4),
@@ -180,7 +180,7 @@ def test_what_is_neither(tmp_path):
 TOKENS = ["", "nan", "1e400", "²", "[", "]", "{", "}", ",", "\n", "true", '"', "#", "null"]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(
     as_json=st.booleans(),
     edits=st.lists(

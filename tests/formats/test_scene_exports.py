@@ -89,7 +89,7 @@ def test_csv_quotes_what_needs_it(tmp_path):
 numbers = st.floats(-1e4, 1e4, allow_nan=False).map(lambda x: round(x, 3)) | st.just(np.nan)
 
 
-@settings(max_examples=25)
+@settings(max_examples=30)
 @given(st.lists(st.tuples(numbers, numbers, numbers), min_size=1, max_size=20))
 def test_csv_numbers_come_back(tmp_path_factory, values):
     path = tmp_path_factory.mktemp("csv") / "a.csv"
@@ -106,7 +106,7 @@ def test_csv_numbers_come_back(tmp_path_factory, values):
 # Times
 
 
-@settings(max_examples=25)
+@settings(max_examples=50)
 @given(st.datetimes(datetime(1971, 1, 1), datetime(2200, 1, 1)), st.floats(0, 1e5, allow_nan=False))
 def test_times_are_exact_to_the_nanosecond(tmp_path_factory, start, seconds):
     path = tmp_path_factory.mktemp("time") / "a.json"
@@ -161,7 +161,7 @@ def boxed_tracks(draw):
     )
 
 
-@settings(max_examples=25)
+@settings(max_examples=40)
 @given(boxed_tracks())
 def test_mot_round_trip(tmp_path_factory, tracks):
     path = tmp_path_factory.mktemp("mot") / "tracks.txt"
@@ -180,7 +180,7 @@ def test_mot_round_trip(tmp_path_factory, tracks):
     assert (world[~placed] == -1).all()
 
 
-@settings(max_examples=25)
+@settings(max_examples=40)
 @given(boxed_tracks())
 def test_kpf_round_trip(tmp_path_factory, tracks):
     folder = tmp_path_factory.mktemp("kpf")

@@ -19,7 +19,7 @@ def gaussian(roll_deg, tilt_deg, vfov_deg, wide=1.5):
 
 
 @given(*degrees, st.floats(1.0, 1.8))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 def test_moments_are_those_of_the_gaussian_it_was_made_from(roll, tilt, vfov, wide):
     belief = gaussian(roll, tilt, vfov, wide)
     assert belief.p.sum() == pytest.approx(1)
@@ -68,7 +68,7 @@ def test_a_belief_of_one_cell_knows_no_place_within_it(roll, tilt, vfov):
 
 
 @given(*degrees, st.floats(0.6, 1.8), st.floats(-0.7, 0.7))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_the_mode_lies_between_the_grids_nodes(roll, tilt, vfov, wide, together):
     mean = np.array([np.radians(roll), np.radians(tilt), np.log(np.radians(vfov))])
     axes = np.meshgrid(ROLL_RAD, TILT_RAD, np.log(VFOV_RAD), indexing="ij")
@@ -111,7 +111,7 @@ def test_crop_is_the_largest_of_four_to_three(image_size, crop):
 
 
 @given(*degrees, st.sampled_from([(640, 480), (1920, 1080), (1080, 1920)]))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_focal_length_is_that_of_the_crop(roll, tilt, vfov, image_size):
     found = gaussian(roll, tilt, vfov).orientation(image_size)
     focal = crop_size(image_size)[1] / 2 / np.tan(np.radians(vfov) / 2)

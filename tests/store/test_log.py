@@ -58,7 +58,7 @@ def content(folder):
     return {p.name: p.read_bytes() for p in folder.iterdir()}
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(
     numbers=st.integers(0, 12).flatmap(lambda n: hnp.arrays(np.float64, (n, 6 + 3 * 2))),
     dtype=st.sampled_from([None, np.float32, np.float64]),

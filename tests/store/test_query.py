@@ -48,7 +48,7 @@ def some(values):
     return st.none() | st.lists(st.sampled_from(values), min_size=1, max_size=3)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(
     begin=st.none() | st.floats(-1, 8) | st.integers(0, 60).map(lambda i: i / 10),
     length=st.none() | st.floats(0.01, 8),

@@ -194,7 +194,7 @@ def test_colours_tell_two_apart_who_come_out_of_hiding():
     assert follow([*start, unknown])[-1].tolist() == [1, 0]
 
 
-@settings(max_examples=25)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1))
 def test_the_order_of_the_rows_decides_nothing(seed):
     rng = np.random.default_rng(seed)

@@ -38,7 +38,7 @@ def rms(located: Located, people: Crowd) -> float:
     return float(np.sqrt(((located.xy_m - people.xy_m) ** 2).sum(axis=1).mean()))
 
 
-@settings(max_examples=25)
+@settings(max_examples=60)
 @given(
     strategies.views() | strategies.views(strategies.cameras(strategies.fisheye_lenses())),
     st.floats(0.0, 1.8),

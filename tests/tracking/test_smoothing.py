@@ -92,7 +92,7 @@ def dense(time_s, xy, spread):
 
 
 @given(st.integers(1, 40), st.integers(1, 4), st.integers(0, 2**32 - 1))
-@settings(max_examples=25)
+@settings(max_examples=40)
 def test_a_chain_is_its_dense_matrix(n, s, seed):
     rng = np.random.default_rng(seed)
     matrix = 0.1 * np.eye(n * s)

@@ -428,7 +428,7 @@ def test_bad_input_is_named():
 NUMBERS = st.one_of(st.floats(-500, 2500), st.sampled_from([np.nan, np.inf, -np.inf, 0.0, 1e9]))
 
 
-@settings(max_examples=25)
+@settings(max_examples=40)
 @given(
     camera=cameras(anywhere=True),
     boxes=st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=6),

@@ -61,7 +61,7 @@ def test_the_builder_s_numbers_are_the_camera_s():
     np.testing.assert_allclose(camera.K[:2, 2], [639.5, 359.5])
 
 
-@settings(max_examples=25)
+@settings(max_examples=40)
 @given(camera=cameras_over_people(), seed=SEED)
 def test_people_are_where_the_scene_says(camera, seed):
     scene = people_scene(camera, 30, np.random.default_rng(seed), **EXACT)

@@ -96,7 +96,7 @@ def _value(ticks, log_p, found: Aligned):
 
 
 @given(_casts())
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=80)
 def test_the_first_event_is_the_best_of_all_alignments(cast):
     ticks, log_p, spans = cast
     found = align(Timeline(ticks, np.array([0])), log_p, log_p, spans, STEP_S, -1e9)
@@ -108,7 +108,7 @@ def test_the_first_event_is_the_best_of_all_alignments(cast):
 
 
 @given(_casts())
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=80)
 def test_durations_gaps_and_order_are_kept_and_events_do_not_overlap(cast):
     ticks, log_p, spans = cast
     found = [
@@ -130,7 +130,7 @@ def test_durations_gaps_and_order_are_kept_and_events_do_not_overlap(cast):
 
 
 @given(st.integers(0, 10_000))
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=40)
 def test_many_casts_at_once_are_as_each_alone(seed):
     rng = np.random.default_rng(seed)
     spans = [Span(2, 5, 0), Span(1, None, 2)]

@@ -51,7 +51,7 @@ def test_exactly_one_relation_holds_between_any_two_intervals():
 
 
 @given(st.sampled_from(ALLEN), st.integers(0, 10_000), st.integers(1, 9))
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=60)
 def test_the_best_of_all_pairs_of_intervals(relation, seed, n):
     rng = np.random.default_rng(seed)
     log_p = np.log(rng.uniform(0.01, 0.99, (2, n)))

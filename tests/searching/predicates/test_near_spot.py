@@ -52,7 +52,7 @@ def fits(when: When, t: float, begin_s: float, end_s: float) -> bool:
     return any(asks_for(when, t, s) for s in moments)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(whens(), st.integers(0, 10_000))
 def test_when_is_as_the_calendar_says(when, seed):
     rng = np.random.default_rng(seed)

@@ -45,7 +45,7 @@ def test_a_notch_is_outside():
     assert within((9.0, 6.0), NOTCHED) > 0.99
 
 
-@settings(max_examples=25)
+@settings(max_examples=40)
 @given(st.floats(-5, 15), st.floats(-5, 15), st.floats(0, 2), st.floats(-3, 3), st.integers(0, 4))
 def test_the_order_and_the_place_of_the_corners_do_not_matter(x, y, sigma, turn, first):
     expected = within((x, y), NOTCHED, sigma)
@@ -99,7 +99,7 @@ def test_a_line_in_pieces_is_the_same_line():
         np.testing.assert_allclose(across(path, pieces), across(path), atol=1e-9)
 
 
-@settings(max_examples=25)
+@settings(max_examples=40)
 @given(st.floats(-8, 8), st.floats(-8, 8), st.floats(-3, 3), st.floats(-3, 3), st.floats(0, 2))
 def test_crossing_is_a_probability(x, y, vx, vy, sigma):
     bent = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 0.5], [3.0, 3.0]])

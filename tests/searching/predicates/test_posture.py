@@ -292,7 +292,7 @@ def test_who_was_not_seen_or_is_nowhere_is_unknown():
 # A function of rows
 
 
-@settings(max_examples=25)
+@settings(max_examples=30)
 @given(st.lists(st.integers(0, 49), max_size=30), st.integers(0, 2**32 - 1))
 def test_values_belong_to_rows_whichever_are_asked_for(asked, seed):
     """In any order, some twice, those of one track or of many: the standing height is that of the
@@ -308,7 +308,7 @@ def test_values_belong_to_rows_whichever_are_asked_for(asked, seed):
     np.testing.assert_array_equal(np.concatenate(alone), every)
 
 
-@settings(max_examples=25)
+@settings(max_examples=30)
 @given(st.lists(st.integers(-50, 800), min_size=2, max_size=30), st.floats(0.0, 1.0))
 def test_whatever_the_boxes_it_is_a_probability_or_unknown(edges, share):
     half = len(edges) // 2

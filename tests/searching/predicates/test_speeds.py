@@ -42,7 +42,7 @@ def test_it_is_the_share_of_velocities_that_are_as_fast(velocity, sigma):
     assert value(moving, path, sigma_mps=0.01) == pytest.approx(share, abs=0.05)
 
 
-@settings(max_examples=25)
+@settings(max_examples=40)
 @given(slow=SPEED, more=st.floats(0.0, 5.0), sigma=st.floats(0.0, 3.0), at=st.floats(0.0, 20.0))
 def test_faster_is_likelier_faster_and_the_rest_is_slower(slow, more, sigma, at):
     first, second = (
