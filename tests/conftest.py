@@ -51,6 +51,11 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(10_000, 10, 10)
 
 
+def pytest_unconfigure() -> None:
+    """Libraries that count what is left at the end find nothing."""
+    gc.unfreeze()
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Keep compiled code where Python is told to write none beside its sources: tests start the
     program some fifty times, and each time it would compile a thousand modules.

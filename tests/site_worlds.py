@@ -130,4 +130,5 @@ def store(
     ) as writer:
         writer.write(rows)
     file = folder / "cameras" / f"{eye.name}.json"
-    return SiteCamera(folder, file, eye.name, (run,), eye.placement)
+    tracked = {run: writer.run.tracked()}
+    return SiteCamera(folder, file, eye.name, (run,), eye.placement, tracked)

@@ -372,7 +372,10 @@ def test_a_scene_of_a_site_that_is_tracked_again_is_noticed(request, tmp_path):
             ("run", "west"),
             ("run", "east"),
         ]
-        store(tmp_path / "west", eyes[0], after, None)
+        cameras["west"] = store(tmp_path / "west", eyes[0], after, None)
+        status, _, body = one.ask("GET", "/api/scene")  # identities name the tracks of before
+        assert (status, b"tracked again" in body and b"align again" in body) == (400, True)
+        write_site(tmp_path / "site", SiteFile(cameras), identities, refined={}, pictures={})
         said = next(said for kind, said in news if kind == "run")
     assert (said["camera"], said["rows"]) == ("west", len(after))
     rows = json.loads(one.ask("GET", f"/api/runs/{said['number']}/rows")[2])

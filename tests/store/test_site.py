@@ -19,6 +19,7 @@ from scene4d.core.tracks import Tracks
 from scene4d.store.fusing import fused
 from scene4d.store.identities import Identities
 from scene4d.store.regrounding import in_site, regrounded
+from scene4d.store.runs import Run, manifest_path
 from scene4d.store.site import Site, clock_s
 from scene4d.store.site_file import SiteAnchor, SiteFile, is_site
 from scene4d.store.site_writing import write_site
@@ -257,6 +258,8 @@ def test_an_undetermined_camera_has_no_tracks_and_says_why(tmp_path, walkers):
         (("cameras", "west", "covariance", "matrix"), (-np.eye(5)).tolist(), "negative"),
         (("cameras", "west", "covariance", "parameters"), ["x_m"], "parameters"),
         (("cameras", "west", "runs"), ["r", "r"], "runs"),
+        (("cameras", "west", "tracked"), {}, "tracked.r"),
+        (("cameras", "west", "tracked", "r", "sha256"), "0", "64 hex"),
         (("anchor",), {"kind": "moon", "residual_m": []}, "kind"),
     ],
 )
@@ -279,6 +282,23 @@ def test_what_is_no_site_or_has_lost_its_scene_is_named(site, tmp_path):
     (tmp_path / "site.json").write_text(text.replace("../", f"{site.folder.parent}/"))
     with pytest.raises(InputError, match="gone"):
         Site.open(tmp_path).scene("west")
+
+
+def test_a_scene_that_was_tracked_again_is_refused_and_one_that_grew_is_not(tmp_path, walkers):
+    site = site_of(tmp_path, [WEST], walkers[:2])
+    one = site.placed("west")
+    run = Run.load(manifest_path(one.scene, "r"))
+    assert one.tracked == {"r": run.tracked()}
+    more = replace(run.parts[0], path="tracks/more.parquet", sha256="0" * 64)
+    hidden = replace(more, path="tracks/.more.parquet")
+    for parts, held in (((more,), False), ((*run.parts, more), True), ((*run.parts, hidden), True)):
+        manifest = json.dumps(replace(run, parts=parts).to_dict())
+        manifest_path(one.scene, "r").write_text(manifest)
+        if held:
+            assert Site.open(site.folder).scene("west").runs[0].parts == parts
+            continue
+        with pytest.raises(InputError, match=r"'west' was tracked again .* align again"):
+            Site.open(site.folder).scene("west")
 
 
 def test_an_anchor_is_kept(tmp_path, walkers):

@@ -332,8 +332,10 @@ def _pictures(
 
 def _entry(one: _Placed) -> SiteCamera:
     watched = one.read.watched
-    runs = tuple(run.run for run in watched.runs)
-    return SiteCamera(watched.folder, watched.file, watched.camera, runs, one.placement)
+    tracked = {run.run: run.tracked() for run in watched.runs}
+    return SiteCamera(
+        watched.folder, watched.file, watched.camera, tuple(tracked), one.placement, tracked
+    )
 
 
 def _told(one: Link, read: Sequence[_Read], solution: Solution | None) -> dict[str, Any]:

@@ -70,6 +70,23 @@ class Part:
 
 
 @dataclass(frozen=True)
+class Tracked:
+    """What a run held at some time: the number of its parts that change no more, and the SHA-256 of
+    theirs. A stream that grows adds parts; one that is tracked again has others.
+    """
+
+    parts: int
+    sha256: str
+
+    @classmethod
+    def read(cls, said: JsonObject) -> "Tracked":
+        """From JSON; raises :class:`InputError` naming the field."""
+        if not _SHA256.fullmatch(sha256 := said.text("sha256")):
+            raise said.error("sha256", "64 hexadecimal digits")
+        return cls(said.integer("parts", least=0), sha256)
+
+
+@dataclass(frozen=True)
 class Run:
     """The manifest of one run over one camera's footage.
 
@@ -106,6 +123,13 @@ class Run:
         if not self.parts:
             return None
         return min(part.begin_s for part in self.parts), max(part.end_s for part in self.parts)
+
+    def tracked(self, parts: int | None = None) -> Tracked:
+        """What it holds by now, or held when it had so many parts."""
+        lasting = [one for one in self.parts if not PurePosixPath(one.path).name.startswith(".")]
+        held = lasting[:parts]
+        said = "".join(f"{one.rows} {one.sha256}\n" for one in held)
+        return Tracked(len(held), hashlib.sha256(said.encode()).hexdigest())
 
     def to_dict(self) -> dict[str, Any]:
         """The manifest's content for JSON."""

@@ -134,10 +134,20 @@ class Site:
         return self._said.cameras[camera]
 
     def scene(self, camera: str) -> Scene:
-        """The scene of a camera: those of its runs that the site holds."""
+        """The scene of a camera: those of its runs that the site holds. Raises :class:`InputError`
+        where it was tracked again: identities name the tracks of before.
+        """
         one = self.placed(camera)
         if camera not in self._scenes:
-            self._scenes[camera] = _runs_of(Scene.open(one.scene), one)
+            scene = _runs_of(Scene.open(one.scene), one)
+            for run in scene.runs:
+                held = one.tracked and one.tracked[run.run]
+                if held and run.tracked(held.parts) != held:
+                    raise InputError(
+                        f"{self.folder}: camera {camera!r} was tracked again after the site was "
+                        f"made (run {run.run!r} of {one.scene}); align again"
+                    )
+            self._scenes[camera] = scene
         return self._scenes[camera]
 
     def whole(self) -> tuple[Scene, dict[str, int]]:

@@ -1,14 +1,17 @@
 """``site.json``: where the cameras of a site stand, and which scenes they tracked.
 
     {"schema": "scene4d/site/1", "start": "2026-11-20T08:00:00Z", "start_ns": .., "cameras": {NAME:
-     {"scene": FOLDER, "camera": FILE, "name": .., "runs": [..], "x_m": .., "y_m": ..,
-      "heading_deg": .., "scale": .., "time_offset_s": .., "sigma": {..}, "covariance": 5x5,
-      "clock_drift": null, "status": "ok"}}, "anchor": null, "identities": FILE,
+     {"scene": FOLDER, "camera": FILE, "name": .., "runs": [..],
+      "tracked": {RUN: {"parts": .., "sha256": ..}}, "x_m": .., "y_m": .., "heading_deg": ..,
+      "scale": .., "time_offset_s": .., "sigma": {..}, "covariance": 5x5, "clock_drift": null,
+      "status": "ok"}}, "anchor": null, "identities": FILE,
      "errors": {"cameras": [..], "parameters": [..], "matrix": 12n x 12n}}
 
 Paths are relative to the site's folder where they can be. Names of ``identities`` and of refined
 calibrations change with the site, so that a new one stands beside the old one until this file,
-which is replaced in one step, names the new. ``name`` is the camera's in its scene.
+which is replaced in one step, names the new. ``name`` is the camera's in its scene. ``tracked`` is
+what the runs held when the site was made, so that one that was tracked again is noticed; sites of
+earlier versions lack it.
 An undetermined camera has ``reason`` and no numbers. ``start`` is the zero of the site's clock,
 null where no camera's is known: the clock of a camera counts from there if the start of its footage
 is known, else from the beginning of its clip. ``clock_drift`` is null where the clocks run alike as
@@ -21,7 +24,7 @@ camera's clock is slow, and the time of that clock at which the offset holds. ``
 """
 
 import os
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -30,6 +33,7 @@ import numpy as np
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
 from scene4d.core.placement import PLACED, Drift, Placement
+from scene4d.store.runs import Tracked
 from scene4d.store.site_errors import SiteErrors
 
 SITE_SCHEMA = "scene4d/site/1"
@@ -79,8 +83,9 @@ class SiteAnchor:
 
 @dataclass(frozen=True, eq=False)
 class SiteCamera:
-    """A camera of a site: the folder of its scene, the name that it has there, which of its runs,
-    the calibration file whose ground was placed, and its placement.
+    """A camera of a site: the folder of its scene, the name that it has there, which of its runs
+    and what they held (None where that is not known), the calibration file whose ground was placed,
+    and its placement.
     """
 
     scene: Path
@@ -88,6 +93,7 @@ class SiteCamera:
     name: str
     runs: tuple[str, ...]
     placement: Placement
+    tracked: dict[str, Tracked] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,6 +150,8 @@ def _told(one: SiteCamera, folder: Path) -> dict[str, Any]:
         "name": one.name,
         "runs": list(one.runs),
     }
+    if one.tracked is not None:
+        said["tracked"] = {run: asdict(held) for run, held in one.tracked.items()}
     placed = one.placement
     if not placed:
         return said | {"status": placed.status, "reason": placed.reason}
@@ -170,12 +178,16 @@ def _camera(said: JsonObject, folder: Path) -> SiteCamera:
     runs = said.texts("runs")
     if len(set(runs)) < len(runs):
         raise said.error("runs", "names that differ")
+    tracked = said.object("tracked") if "tracked" in said else None
     return SiteCamera(
         scene=folder / said.text("scene"),
         camera=folder / said.text("camera"),
         name=said.text("name"),
         runs=runs,
         placement=_placement(said),
+        tracked=None
+        if tracked is None
+        else {run: Tracked.read(tracked.object(run)) for run in runs},
     )
 
 
