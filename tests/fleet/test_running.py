@@ -224,6 +224,44 @@ def test_a_plan_is_done_again_with_the_clips_that_came_and_not_those_that_are_re
     assert (said["done"], said["skipped"], said["running"]) == (4, 1, 0)
 
 
+@pytest.mark.parametrize("where", ["folder", "memory://rounds/fleet"])
+def test_of_sites_that_rounds_made_the_last_two_stay(folder, counted, monkeypatch, where):
+    monkeypatch.setitem(stages._STAGES, "align", lambda job, _, __, out: _site(job, out))
+    where = str(folder / "store") if where == "folder" else where
+    hour_s, there = 3600.0, []
+    for path in folder.glob("*/*.txt"):
+        os.utime(path, (path.stat().st_mtime - hour_s,) * 2)
+
+    def sites() -> list[str]:
+        store = Store(where)
+        said = [store.read(f"done/{key}") for key in store.keys("done")]
+        paths = [one["path"] for one in said if one["stage"] == "align"]
+        kept = [store._fs.cat_file(f"{store._root}/{path}/site.json") for path in paths]
+        assert len(store._fs.ls(f"{store._root}/align/site", detail=False)) == len(kept)
+        return sorted(kept, key=int)
+
+    def wait(_: float) -> None:
+        there.append(sites())
+        if len(there) == 4:
+            raise KeyboardInterrupt
+        if len(there) < 3:  # no clip comes to the last round
+            more = folder / "gate" / f"gate-20261120T09{len(there):02d}00.txt"
+            more.write_text(f"more {len(there)}")
+            os.utime(more, (more.stat().st_mtime - hour_s,) * 2)
+
+    asked = plan(folder, "align: {}", "every_s: 600")
+    run_fleet(asked, where, wait=wait)
+    assert there == [[b"4"], [b"4", b"5"], [b"5", b"6"], [b"6"]]
+    (folder / "gate" / "gate-20261120T090100.txt").unlink()
+    run_fleet(plan(folder, "align: {}"), where)  # another program's
+    assert sites() == [b"5", b"6"]
+
+
+def _site(job, out: Path) -> float:
+    (out / "site.json").write_text(str(len(job.needs)))
+    return 0.0
+
+
 @pytest.mark.parametrize("where", ["folder", "memory://city/fleet"])
 def test_one_fleet_works_on_a_store_at_a_time(folder, where):
     where = str(folder / "store") if where == "folder" else where

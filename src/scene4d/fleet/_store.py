@@ -90,6 +90,12 @@ class Store:
         with self._writing(name):
             self._fs.rm_file(f"{self._root}/{name}.json")
 
+    def drop(self, path: str, key: str) -> None:
+        """Remove a result; first the word that it is whole."""
+        self.remove(f"done/{key}")
+        with self._writing(path):
+            self._fs.rm(f"{self._root}/{path}", recursive=True)
+
     def write_bytes(self, name: str, content: bytes) -> None:
         """Write a file, whole or not at all."""
         if self.folder is not None:

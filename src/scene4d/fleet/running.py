@@ -75,10 +75,11 @@ def run_fleet(
     progress = progress or Silent()
     asked = _read(plan)
     there = Store(str(store))
+    outdated = _Outdated(there)
     with alone(there) as check:
         for rounds in count(1):
             begun_s = time.monotonic()
-            found = _round(asked, there, ray, progress, work, check, rounds)
+            found = _round(asked, there, ray, progress, work, check, rounds, outdated)
             if asked.every_s is None:
                 break
             left_s = begun_s + asked.every_s - time.monotonic()
@@ -104,6 +105,7 @@ def _round(
     work: Work,
     check: Callable[[], None],
     number: int,
+    outdated: "_Outdated",
 ) -> FleetRun:
     executor = (
         Here(store.address, work) if ray is None else OnRay(store.address, ray, plan.workers, work)
@@ -116,7 +118,30 @@ def _round(
         executor.close()
     check()
     events = merged(plan.words, fleet.line, store)
+    outdated.remove(fleet)
     return FleetRun(store.address, fleet.status.to_dict(), fleet.quarantine, events, number)
+
+
+class _Outdated:
+    """Sites and searches that stood on the clips of a round before the last one: each round with
+    new clips makes all of them anew, and a store that kept each would grow with the square of its
+    clips. Whoever reads those of the last round may go on; what other programs made stays.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._made: set[Result] = set()
+        self._last: set[Result] = set()
+
+    def remove(self, fleet: "_Fleet") -> None:
+        """Called after each round."""
+        line = fleet.line
+        now = {one for number, one in line.results.items() if line.tasks[number].clip is None}
+        outdated = self._made - self._last - now
+        for one in outdated:
+            self._store.drop(one.path, one.key)
+        self._made = (self._made - outdated) | (fleet.made & now)
+        self._last = now
 
 
 class _Fleet:
@@ -129,6 +154,7 @@ class _Fleet:
         self.line = Line(tasks_of(plan))
         self.status = Status(plan, self.line.tasks)
         self.quarantine: list[dict[str, Any]] = []
+        self.made: set[Result] = set()
         self._done, self._bad = store.keys("done"), store.keys("quarantine")
         self._clips = Clips(store)
         self._running: dict[int, Job] = {}
@@ -196,6 +222,7 @@ class _Fleet:
         self.status.add(job.task, running=-1, cpu_s=outcome.cpu_s, footage_s=outcome.footage_s)
         if outcome.kind is None:
             self._done.add(job.result.key)
+            self.made.add(job.result)
             self._ended(number, job.result, step, done=1)
             return
         reason = outcome.reason
