@@ -17,6 +17,7 @@ from scene4d.fleet import _stages as stages
 from scene4d.fleet import run_fleet
 from scene4d.fleet._alone import Lease
 from scene4d.fleet._store import Store
+from scene4d.fleet._tasks import Result
 from scene4d.store.query import Scene
 
 
@@ -62,16 +63,16 @@ def test_a_killed_fleet_goes_on_and_ends_the_same(folder, counted, monkeypatch, 
     run_fleet(plan(folder), folder / "quiet")
     put, left = stages.Store.put, [2]
 
-    def killed(self, made, path):
+    def killed(self, made, result):
         left[0] -= 1
         if left[0] == 0 and when == "before":
             raise KeyboardInterrupt
         if left[0] == 0 and when == "amid":  # half of it is on its way
-            half = folder / "store" / ".half" / "x"
+            half = folder / "store" / ".half" / "on-its-way-x" / "content" / "result"
             half.mkdir(parents=True)
             (half / "seen.json").write_text("{")
             raise KeyboardInterrupt
-        put(self, made, path)
+        put(self, made, result)
         if left[0] == 0:  # not marked as done
             raise KeyboardInterrupt
 
@@ -82,6 +83,38 @@ def test_a_killed_fleet_goes_on_and_ends_the_same(folder, counted, monkeypatch, 
     assert json.loads((folder / "store" / "status.json").read_text())["done"] == 1
     assert run_fleet(plan(folder), folder / "store").to_dict()["earlier"] == 1
     assert results(folder / "store") == results(folder / "quiet")
+    assert not list((folder / "store").glob(".half/*"))
+
+
+@pytest.mark.parametrize("what", ["begun", "done", "spoilt"])
+def test_workers_of_a_killed_program_and_the_next_one_do_not_undo_each_other(
+    folder, tmp_path, monkeypatch, what
+):
+    store, copied = Store(str(folder / "store")), shutil.copyfile
+    store.open()
+    result = Result("track", "gate", "0" * 32)
+    for name in ("a", "b"):
+        (tmp_path / "made").mkdir(exist_ok=True)
+        (tmp_path / "made" / name).write_text(name)
+
+    def amid(source, target):
+        copied(source, target)
+        if source.name == "a" and what != "spoilt":
+            monkeypatch.setattr(shutil, "copyfile", copied)
+            store.sweep()  # the next program begins
+            if what == "begun":
+                return
+            store.put(tmp_path / "made", result)  # does the same, and marks it
+            store.write(f"done/{result.key}", {})
+            (folder / "store" / result.path / "read").touch()  # to know it by
+
+    monkeypatch.setattr(shutil, "copyfile", amid)
+    if what == "spoilt":  # a machine went down: names came to the disk, content did not
+        (folder / "store" / result.path).mkdir(parents=True)
+        (folder / "store" / result.path / "a").touch()
+    store.put(tmp_path / "made", result)
+    there = {one.name: one.read_text() for one in (folder / "store" / result.path).iterdir()}
+    assert there == {"a": "a", "b": "b"} | ({"read": ""} if what == "done" else {})
     assert not list((folder / "store").glob(".half/*"))
 
 

@@ -32,7 +32,10 @@ def alone(store: Store) -> Iterator[Callable[[], None]]:
     if store.folder is not None:
         with _locked(store.folder):
             store.sweep()
-            yield lambda: None
+            try:
+                yield lambda: None
+            finally:
+                store.sweep()
         return
     lease = Lease(store)
     lease.take()

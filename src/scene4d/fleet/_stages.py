@@ -43,15 +43,15 @@ Work = Callable[[Job, str], Outcome]
 def work(job: Job, address: str) -> Outcome:
     """Do a task: stage the result on this machine, put it into the store, and mark it as done."""
     begun_s, footage_s, kind, reason = time.process_time(), 0.0, None, None
-    path, key = job.result.path, job.result.key
     try:
         store = Store(address)
         with scratch(Path(tempfile.gettempdir()), "scene4d-fleet-") as here:
             out = here / "out"
             out.mkdir()
             footage_s = _STAGES[job.task.stage](job, store, here, out)
-            store.put(out, path)
-        store.write(f"done/{key}", said_of(job) | {"path": path, "footage_s": footage_s})
+            store.put(out, job.result)
+        said = said_of(job) | {"path": job.result.path, "footage_s": footage_s}
+        store.write(f"done/{job.result.key}", said)
     except Exception as error:  # a defect costs its clip, and no other
         kind, reason = _kind_of(error), " ".join(str(error).split())
         if not isinstance(error, Scene4DError):

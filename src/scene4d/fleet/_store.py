@@ -11,10 +11,9 @@ status.json                 how far the plan is, camera by camera
 
 import hashlib
 import json
-import secrets
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +22,12 @@ from fsspec.implementations.local import LocalFileSystem
 
 from scene4d.core.errors import InputError, OutputError, UnavailableError
 from scene4d.core.files import write_bytes
-from scene4d.core.staging import ensure_folder
+from scene4d.core.staging import ensure_folder, scratch
+from scene4d.fleet._tasks import Result
 from scene4d.store.runs import file_name
 
 _HALF = ".half"
-"""Results on their way into a folder."""
+"""Where results on their way into a folder are."""
 
 
 class Store:
@@ -58,9 +58,10 @@ class Store:
         self.write("store", {"schema": "scene4d/fleet-store/1"})
 
     def sweep(self) -> None:
-        """Remove what killed workers left half."""
+        """Remove what killed workers left half; workers of a killed program may still be at it."""
         if self.folder is not None:
-            shutil.rmtree(self.folder / _HALF, ignore_errors=True)
+            with self._half():
+                pass
 
     def keys(self, kind: str) -> set[str]:
         """The keys of all that is ``done``, or in ``quarantine``."""
@@ -90,11 +91,17 @@ class Store:
         with self._writing(name):
             self._fs.rm_file(f"{self._root}/{name}.json")
 
-    def drop(self, path: str, key: str) -> None:
-        """Remove a result; first the word that it is whole."""
-        self.remove(f"done/{key}")
-        with self._writing(path):
-            self._fs.rm(f"{self._root}/{path}", recursive=True)
+    def drop(self, result: Result) -> None:
+        """Remove a result, if somebody has not done so already; first the word that it is whole."""
+        with self._writing(result.path):
+            with suppress(FileNotFoundError):
+                self._fs.rm_file(f"{self._root}/done/{result.key}.json")
+            with suppress(FileNotFoundError):
+                if self.folder is None:
+                    self._fs.rm(f"{self._root}/{result.path}", recursive=True)
+                    return
+                with self._half() as here:  # a folder goes at once, as it came
+                    (self.folder / result.path).rename(here / "dropped")
 
     def write_bytes(self, name: str, content: bytes) -> None:
         """Write a file, whole or not at all."""
@@ -106,34 +113,43 @@ class Store:
         with self._writing(name):
             self._fs.pipe_file(f"{self._root}/{name}", content)
 
-    def put(self, folder: Path, path: str) -> None:
+    def put(self, folder: Path, result: Result) -> None:
         """Put the files of a folder in place, those that are not hidden; a folder appears at once.
 
-        What was there under the same key was not marked as done, and is replaced.
+        A worker of a killed program may have put the same there, and mark it as done at any moment:
+        it stays. What a machine that went down has spoilt is not marked, and is replaced.
         """
-        files = sorted(
-            one for one in folder.rglob("*") if one.is_file() and not _hidden(one, folder)
-        )
+        path = result.path
+        files = _files(folder)
         with self._writing(path):
             if self.folder is None:
-                there = [
-                    f"{self._root}/{path}/{one.relative_to(folder).as_posix()}" for one in files
-                ]
-                self._fs.put([str(one) for one in files], there)
+                there = [f"{self._root}/{path}/{name}" for name in files]
+                self._fs.put([str(folder / name) for name in files], there)
                 return
-            half, target = self.folder / _HALF / secrets.token_hex(8), self.folder / path
-            for one in files:
-                to = half / one.relative_to(folder)
-                to.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(one, to)
-            half.mkdir(parents=True, exist_ok=True)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            shutil.rmtree(target, ignore_errors=True)
-            try:
-                half.rename(target)
-            except OSError:
-                if not target.exists():  # else another worker has just put the same there
-                    raise
+            with self._half() as here:
+                half, target = here / "result", self.folder / path
+                half.mkdir()
+                for name in files:
+                    (half / name).parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(folder / name, half / name)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                try:
+                    half.rename(target)
+                except OSError:
+                    if not target.exists():
+                        raise
+                    if self.read(f"done/{result.key}") is None and _files(target) != files:
+                        target.rename(here / "spoilt")
+                        half.rename(target)
+
+    @contextmanager
+    def _half(self) -> Iterator[Path]:
+        """A folder on the same disk, which others leave alone for as long as this process lives."""
+        assert self.folder is not None
+        place = self.folder / _HALF
+        place.mkdir(exist_ok=True)
+        with scratch(place, "on-its-way-") as here:
+            yield here
 
     def fetched(self, path: str, scratch: Path) -> Path:
         """A result as a folder on this machine: that of the store, or a copy in ``scratch``."""
@@ -160,8 +176,14 @@ class Store:
             raise InputError(f"{self.address}/{name}: cannot be read: {error}") from error
 
 
-def _hidden(path: Path, folder: Path) -> bool:
-    return any(part.startswith(".") for part in path.relative_to(folder).parts)
+def _files(folder: Path) -> dict[str, int]:
+    """Names of files in a folder, those that are not hidden, with their sizes."""
+    found = ((one.relative_to(folder), one) for one in folder.rglob("*") if one.is_file())
+    return {
+        name.as_posix(): one.stat().st_size
+        for name, one in sorted(found)
+        if not any(part.startswith(".") for part in name.parts)
+    }
 
 
 class Clips:

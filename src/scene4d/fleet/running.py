@@ -139,7 +139,7 @@ class _Outdated:
         now = {one for number, one in line.results.items() if line.tasks[number].clip is None}
         outdated = self._made - self._last - now
         for one in outdated:
-            self._store.drop(one.path, one.key)
+            self._store.drop(one)
         self._made = (self._made - outdated) | (fleet.made & now)
         self._last = now
 
