@@ -75,6 +75,10 @@ def _fail_a_skip(report):
     return report
 
 
+def pytest_runtest_setup() -> None:
+    type_checks.begin()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
     return _fail_a_skip((yield))

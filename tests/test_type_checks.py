@@ -10,11 +10,11 @@ import pytest
 from beartype.roar import BeartypeCallHintViolation
 from jaxtyping import Float, TypeCheckError
 
-from type_checks import once
+from type_checks import begin, once
 
 checked = once(typechecker=beartype.beartype)
 WRONG = (TypeCheckError, BeartypeCallHintViolation)
-ONE, TWO = np.zeros(1), np.zeros(2)
+ONE, TWO, LARGE, LARGER = np.zeros(1), np.zeros(2), np.zeros(100), np.zeros(200)
 
 
 @checked
@@ -45,6 +45,14 @@ def chosen(word: Literal["one", "two"]) -> None: ...
 
 
 @checked
+def doubled(a: Float[np.ndarray, "n"], b: Float[np.ndarray, "2*n"]) -> None: ...
+
+
+@checked
+def many(*values: int, **named: "str | None") -> None: ...
+
+
+@checked
 @dataclass
 class Row:
     values: Float[np.ndarray, "2"]
@@ -56,6 +64,10 @@ class Row:
         (both, (ONE, ONE), (ONE, TWO)),
         (both, (TWO, None), (TWO, "two")),
         (both, (TWO, TWO), (TWO, TWO.astype(int))),
+        (both, (LARGE, LARGE), (LARGE, LARGER)),
+        (both, (LARGE, LARGE), (LARGE, TWO)),
+        (doubled, (LARGE, LARGER), (LARGE, np.zeros(300))),
+        (many, (1, 2), (1, "2")),
         (numbered, ([1, 2],), (["1", "2"],)),
         (numbered, ((1, 2),), (("1", "2"),)),
         (chosen, ("one",), ("three",)),
@@ -84,6 +96,26 @@ def test_wrong_results_after_right_ones():
         else:
             with pytest.raises(WRONG):
                 result_of(1, make)
+
+
+def test_after_many_calls_some_are_looked_at_and_all_in_the_next_test():
+    for _ in range(1000):
+        both(ONE, ONE)
+    let_through = 0
+    with pytest.raises(WRONG):
+        for let_through in range(16):  # noqa: B007
+            both(ONE, TWO)
+    assert let_through > 0
+    begin()
+    with pytest.raises(WRONG):
+        both(ONE, TWO)
+
+
+@pytest.mark.parametrize("named", [{"a": 1}, {"a": "1", "b": 2}])
+def test_what_is_named_is_checked(named):
+    many(a="1", b=None)
+    with pytest.raises(WRONG):
+        many(**named)
 
 
 def test_a_closure_made_anew_computes_with_what_it_closes_over():
