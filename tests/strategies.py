@@ -15,6 +15,9 @@ from hypothesis import strategies as st
 
 from scene4d.core.camera import Camera, Lens
 
+ANY_TEXT = st.characters(exclude_categories=["Cs"])
+"""Every character that UTF-8 can hold: asked for by codec, each process would try a million."""
+
 SIZES = ((640, 480), (768, 576), (1280, 720), (1920, 1080), (720, 576), (1080, 1080))
 TALLEST_M = 2.05
 """A place counts as visible where a person of this height fits the image."""

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
 from scene4d.core.json_object import JsonObject
+from strategies import ANY_TEXT
 
 GOOD: dict[str, Any] = {
     "schema": "a/1",
@@ -96,8 +97,10 @@ def test_lists_of_other_shapes_are_none(rows):
 
 
 ANYTHING = st.recursive(
-    st.none() | st.booleans() | st.floats() | st.integers() | st.just(HUGE) | st.text(),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),
+    st.none() | st.booleans() | st.floats() | st.integers() | st.just(HUGE) | st.text(ANY_TEXT),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(ANY_TEXT), inner, max_size=3)
+    ),
     max_leaves=8,
 )
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scene4d.core.errors import InputError
 from scene4d.fleet._plan import read_plan
 from scene4d.fleet._tasks import Line, Result, key_of, tasks_of
+from strategies import ANY_TEXT
 
 
 @pytest.fixture(scope="module")
@@ -112,8 +113,15 @@ def test_a_bad_plan_is_refused_with_file_field_and_remedy(folder, text):
 
 
 ODD = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8) | st.dates(),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner),
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text(ANY_TEXT, max_size=8)
+    | st.dates(),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text(ANY_TEXT, max_size=5), inner)
+    ),
     max_leaves=8,
 )
 NAMES = st.sampled_from(["cameras", "track", "calibrate", "search", "align", "workers", "gate"])

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from scene4d.core.errors import InputError
 from scene4d.searching._places import read_places
+from strategies import ANY_TEXT
 
 SQUARE = [[0, 0], [4, 0], [4, 4], [0, 4]]
 BOW = [[0, 0], [4, 4], [4, 0], [0, 4]]
@@ -120,7 +121,7 @@ def test_what_is_wrong_is_named_with_the_file(tmp_path, values, says):
 
 
 NUMBERS = st.integers() | st.floats() | st.just(10**400)
-LEAVES = st.none() | st.booleans() | NUMBERS | st.text(max_size=9)
+LEAVES = st.none() | st.booleans() | NUMBERS | st.text(ANY_TEXT, max_size=9)
 FIELDS = "zones lines bay camera points type features geometry properties name coordinates"
 KEYS = st.sampled_from(FIELDS.split())
 WORDS = st.sampled_from(["Feature", "FeatureCollection", "Polygon", "LineString", "gate"])

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -242,7 +243,7 @@ def test_killed_anywhere_the_scene_is_the_old_one_or_the_new(tmp_path, monkeypat
     for step in range(100):
         folder = tmp_path / f"s{step}"
         if standing:
-            store(folder, old, rows_per_part=70)
+            shutil.copytree(tmp_path / "old", folder)
         out = None
         with monkeypatch.context() as patch:
             kill_at(step, patch)
