@@ -151,7 +151,12 @@ class _ByHint:
     def __init__(self, function: Callable, hints: dict[str, Any]) -> None:
         self._function, self._hints = function, hints
         self._where = f"{function.__module__}.{function.__qualname__}"
-        self._signature = inspect.signature(function)
+        taken = inspect.signature(function).parameters.values()
+        by_place = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+        self._in_order = [one.name for one in taken if one.kind in by_place]
+        names = {one.kind: one.name for one in taken}
+        self._rest = names.get(inspect.Parameter.VAR_POSITIONAL, "")
+        self._others = names.get(inspect.Parameter.VAR_KEYWORD, "")
 
     def call(self, args: tuple, kwargs: dict) -> object:
         """Call the function, checked."""
@@ -168,20 +173,12 @@ class _ByHint:
             self._one("return", result)
 
     def _look_at(self, args: tuple, kwargs: dict) -> None:
-        try:
-            given = self._signature.bind(*args, **kwargs).arguments
-        except TypeError:  # the call itself says so, in Python's words
-            return
-        for name, value in given.items():
-            kind = self._signature.parameters[name].kind
-            if kind is inspect.Parameter.VAR_POSITIONAL:
-                for one in value:
-                    self._one(name, one)
-            elif kind is inspect.Parameter.VAR_KEYWORD:
-                for one in value.values():
-                    self._one(name, one)
-            else:
-                self._one(name, value)
+        for name, value in zip(self._in_order, args, strict=False):
+            self._one(name, value)
+        for value in args[len(self._in_order) :]:
+            self._one(self._rest, value)
+        for name, value in kwargs.items():
+            self._one(name if name in self._hints else self._others, value)
 
     def _one(self, name: str, value: object) -> None:
         hint = self._hints.get(name, object)
