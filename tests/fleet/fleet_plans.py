@@ -10,6 +10,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 from scene4d.fleet import _stages as stages
+from scene4d.fleet._store import Store
 from walks import CAMERA, FPS, mot_text
 
 CAMERAS = ("gate", "yard")
@@ -80,6 +81,17 @@ def results(store: Path) -> dict[str, bytes]:
     done = [json.loads(path.read_text())["path"] for path in (store / "done").glob("*.json")]
     files = (one for path in done for one in (store / path).rglob("*") if one.is_file())
     return {str(one.relative_to(store)): one.read_bytes() for one in files}
+
+
+def left_half(store: Path) -> list[Path]:
+    """Half results whose workers are gone; workers of a killed machine go a moment after it."""
+    until = time.monotonic() + 30
+    while True:
+        Store(str(store)).sweep()
+        left = list((store / ".half").glob("*/content"))
+        if not left or time.monotonic() > until:
+            return left
+        time.sleep(0.2)
 
 
 def nothing_work(job, address):

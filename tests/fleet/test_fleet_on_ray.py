@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
-from fleet_plans import NODE, boxes, head, plan, results, tiny_work
+from fleet_plans import NODE, boxes, head, left_half, plan, results, tiny_work
 
 from scene4d.core.errors import UnavailableError
 from scene4d.fleet import read_plan, run_fleet
@@ -68,7 +68,7 @@ def test_a_killed_worker_and_a_killed_node_lose_nothing(cluster, tmp_path, capfd
     run_fleet(asked, folder / "quiet", work=tiny_work)
     assert results(store) == results(folder / "quiet")
     assert len({path.suffix for path in (folder / "workers").iterdir()}) > 3
-    assert not list((store / ".half").glob("*"))
+    assert not left_half(store)
 
     # Ray's report of its use is off, whatever it was before.
     monkeypatch.delenv("RAY_USAGE_STATS_ENABLED")
