@@ -13,12 +13,24 @@ import pytest
 from fleet_plans import boxes, plan, results
 
 from scene4d.core.errors import InputError, OutputError
+from scene4d.core.progress import Silent
 from scene4d.fleet import _stages as stages
 from scene4d.fleet import run_fleet
 from scene4d.fleet._alone import Lease
 from scene4d.fleet._store import Store
 from scene4d.fleet._tasks import Result
 from scene4d.store.query import Scene
+
+
+class Shown(Silent):
+    """Names of the stages that were shown."""
+
+    def __init__(self) -> None:
+        self.stages: list[str] = []
+
+    def stage(self, title, total):
+        self.stages.append(title)
+        return super().stage(title, total)
 
 
 @pytest.fixture
@@ -237,7 +249,13 @@ def test_a_plan_is_done_again_with_the_clips_that_came_and_not_those_that_are_re
     asked = plan(folder, "every_s: 600")
     asked.write_text(asked.read_text().replace("cameras:", "cameras:\n  dark: dark/*.mp4"))
     asked.write_text(asked.read_text().replace("track:", "calibrate: {}\ntrack:"))
-    found = run_fleet(asked, folder / "store", wait=wait).to_dict()
+    shown = Shown()
+    found = run_fleet(asked, folder / "store", wait=wait, progress=shown).to_dict()
+    assert shown.stages[1::2] == [
+        "Round 1: 4 of 4 done; waiting for the next",
+        "Round 2: 4 of 4 done, 1 still recorded; waiting for the next",
+        "Round 3: 5 of 5 done; waiting for the next",
+    ]
     assert (found["rounds"], len(counted), counted[4]) == (3, 5, new.name)
     assert found["cameras"]["dark"]["state"] == "waiting"  # it has no clips yet
     assert len(waits) == 3 and all(500 < one <= 600 for one in waits)

@@ -84,12 +84,23 @@ def run_fleet(
                 break
             left_s = begun_s + asked.every_s - time.monotonic()
             try:
-                with progress.stage("Waiting for the next round", None):
+                with progress.stage(_so_far(found), None):
                     wait(max(left_s, 0.0))
             except KeyboardInterrupt:
                 break
             asked = _read(plan)
     return found
+
+
+def _so_far(found: FleetRun) -> str:
+    """What is said while nothing is done."""
+    said = found.status
+    more = {"put aside": said["quarantined"], "still recorded": said["recording"]}
+    told = ", ".join(f"{count} {what}" for what, count in more.items() if count)
+    return (
+        f"Round {found.rounds}: {said['done']} of {said['tasks']} done{', ' * bool(told)}{told}; "
+        "waiting for the next"
+    )
 
 
 def _read(plan: str | Path | Plan) -> Plan:
