@@ -156,3 +156,16 @@ def test_what_a_killed_process_left_is_removed_and_a_living_ones_is_not(out):
     assert staging.exists()
     write(out, "new")
     assert not list(out.glob(".*"))
+
+
+def test_where_nothing_can_be_locked_results_are_written_and_nobodys_are_removed(out, monkeypatch):
+    def no_locks(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", no_locks)
+    with staged(out, NAMES, LAST) as own:
+        write(out, "new")
+        assert own.exists()
+        (own / LAST).write_text("newer")
+    assert (out / LAST).read_text() == "newer"
+    assert not list(out.glob(".*"))

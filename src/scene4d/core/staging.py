@@ -1,5 +1,6 @@
 """All files of a result, or none of them."""
 
+import errno
 import os
 import shutil
 import tempfile
@@ -12,6 +13,8 @@ from filelock import FileLock
 from scene4d.core.errors import OutputError
 
 _LOCK, _CONTENT = "lock", "content"
+_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP)
+"""Of shares and mounts that know no locks; files can be written there all the same."""
 
 
 def ensure_folder(path: str | Path) -> Path:
@@ -56,20 +59,27 @@ def scratch(folder: Path, prefix: str) -> Iterator[Path]:
     the next one that asks for the same prefix there.
 
     Its lock tells that its owner lives: the operating system releases it with the process, in
-    other containers and with process numbers that are given again too.
+    other containers and with process numbers that are given again too. On a file system without
+    locks nobody removes what is another's.
     """
     for left in folder.glob(f"{prefix}*/{_CONTENT}"):
         with suppress(OSError):  # its owner lives: the lock is not to be had
             with FileLock(left.with_name(_LOCK), timeout=0):
                 shutil.rmtree(left)
             shutil.rmtree(left.parent)
-    with (
-        tempfile.TemporaryDirectory(dir=folder, prefix=prefix) as made,
-        FileLock(Path(made) / _LOCK),
-    ):
-        content = Path(made) / _CONTENT  # there once it is locked
-        content.mkdir()
-        yield content
+    with tempfile.TemporaryDirectory(dir=folder, prefix=prefix) as made:
+        lock = FileLock(Path(made) / _LOCK)
+        try:
+            lock.acquire()
+        except OSError as error:
+            if error.errno not in _NO_LOCKS:
+                raise
+        try:
+            content = Path(made) / _CONTENT  # there once it is locked
+            content.mkdir()
+            yield content
+        finally:
+            lock.release()
 
 
 def install(target_of: dict[Path, Path]) -> None:
