@@ -3,6 +3,7 @@
 import errno
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -137,6 +138,11 @@ def test_an_output_folder_is_made_and_tried(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="file: cannot be written: File exists"):
         ensure_folder(tmp_path / "file")
+
+
+def test_many_may_try_a_folder_at_once(tmp_path):
+    with ThreadPoolExecutor(8) as threads:
+        assert {*threads.map(ensure_folder, [tmp_path / "a"] * 400)} == {tmp_path / "a"}
 
 
 def test_what_a_killed_process_left_is_removed_and_a_living_ones_is_not(out):

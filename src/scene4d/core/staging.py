@@ -22,9 +22,8 @@ def ensure_folder(path: str | Path) -> Path:
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / ".scene4d-writes-here"
-        probe.touch()
-        probe.unlink()
+        with tempfile.TemporaryFile(dir=folder):  # of its own: others may try it as well
+            pass
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written: {error.strerror}") from error
     return folder
