@@ -59,3 +59,9 @@ def test_the_accuracy_table_is_there():
         table, _ = rest.split("<!-- accuracy: end -->")
         assert "PETS 2009 video | nothing |" in table
         assert len(table.strip().splitlines()) >= least
+
+
+def test_every_page_is_on_a_list_of_the_site():
+    """``make docs`` refuses one that is on none, and is not part of these tests."""
+    listed = set((ROOT / "docs" / "index.md").read_text().splitlines())
+    assert {page.stem for page in (ROOT / "docs").glob("*.md")} - listed == {"index"}
