@@ -70,7 +70,7 @@ def run_of(shown: Shown) -> dict[str, Any]:
         "end_s": end_s,
         "rows": run.rows,
         "version": hashlib.sha256(repr(run.parts).encode()).hexdigest()[:16],
-        "growing": any(Path(part.path).name.startswith(".") for part in run.parts),
+        "growing": any(part.is_hidden for part in run.parts),
         "classes": run.classes,
         "step_s": 1.0 / _rate_hz(run),
         "lost": [[a + shown.shift_s, b + shown.shift_s] for a, b in _lost(run)],

@@ -119,28 +119,30 @@ class Store:
         A worker of a killed program may have put the same there, and mark it as done at any moment:
         it stays. What a machine that went down has spoilt is not marked, and is replaced.
         """
-        path = result.path
         files = _files(folder)
-        with self._writing(path):
+        with self._writing(result.path):
             if self.folder is None:
-                there = [f"{self._root}/{path}/{name}" for name in files]
+                there = [f"{self._root}/{result.path}/{name}" for name in files]
                 self._fs.put([str(folder / name) for name in files], there)
                 return
             with self._half() as here:
-                half, target = here / "result", self.folder / path
+                half = here / "result"
                 half.mkdir()
                 for name in files:
                     (half / name).parent.mkdir(parents=True, exist_ok=True)
                     shutil.copyfile(folder / name, half / name)
-                target.parent.mkdir(parents=True, exist_ok=True)
-                try:
-                    half.rename(target)
-                except OSError:
-                    if not target.exists():
-                        raise
-                    if self.read(f"done/{result.key}") is None and _files(target) != files:
-                        target.rename(here / "spoilt")
-                        half.rename(target)
+                self._settle(half, self.folder / result.path, result.key)
+
+    def _settle(self, half: Path, target: Path, key: str) -> None:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            half.rename(target)
+        except OSError:
+            if not target.exists():
+                raise
+            if self.read(f"done/{key}") is None and _files(target) != _files(half):
+                target.rename(half.with_name("spoilt"))
+                half.rename(target)
 
     @contextmanager
     def _half(self) -> Iterator[Path]:
@@ -151,12 +153,12 @@ class Store:
         with scratch(place, "on-its-way-") as here:
             yield here
 
-    def fetched(self, path: str, scratch: Path) -> Path:
-        """A result as a folder on this machine: that of the store, or a copy in ``scratch``."""
+    def fetched(self, path: str, place: Path) -> Path:
+        """A result as a folder on this machine: that of the store, or a copy in ``place``."""
         if self.folder is not None:
             return self.folder / path
         with self._reading(path):
-            target = scratch / path
+            target = place / path
             target.parent.mkdir(parents=True, exist_ok=True)
             self._fs.get(f"{self._root}/{path}/", f"{target}/", recursive=True)
         return target

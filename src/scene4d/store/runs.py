@@ -68,6 +68,11 @@ class Part:
     end_s: float
     sha256: str | None = None
 
+    @property
+    def is_hidden(self) -> bool:
+        """Whether it is a stream's newest part, which is replaced as it grows."""
+        return PurePosixPath(self.path).name.startswith(".")
+
 
 @dataclass(frozen=True)
 class Tracked:
@@ -126,8 +131,7 @@ class Run:
 
     def tracked(self, parts: int | None = None) -> Tracked:
         """What it holds by now, or held when it had so many parts."""
-        lasting = [one for one in self.parts if not PurePosixPath(one.path).name.startswith(".")]
-        held = lasting[:parts]
+        held = [one for one in self.parts if not one.is_hidden][:parts]
         said = "".join(f"{one.rows} {one.sha256}\n" for one in held)
         return Tracked(len(held), hashlib.sha256(said.encode()).hexdigest())
 
